@@ -181,7 +181,7 @@ def _diagnose_example(examples: Mapping[str, str], file: str) -> list[Diagnostic
 
 
 def example_texts(examples: Mapping[str, str]) -> dict[str, str]:
-    """Return the files of a new domain `maze` with examples, by file name: each is added to its file, or is a new file."""
+    """Return the files of a new domain `maze` with examples by file name: each is added to its file or a new one."""
     from envgraph.cli._new_command import render_domain
 
     texts = render_domain("new", "maze", {})

@@ -125,7 +125,7 @@ class NameIndex:
         return None
 
     def occurrences(self, symbol: Symbol, sources: Iterable[Source] | None = None) -> Iterator[Place]:
-        """Yield all names in the files that refer to a definition, and the name in the definition; None for all files."""
+        """Yield the names in files that refer to a definition, and the name in the definition; None for all files."""
         local = symbol.kind in ("variable", "object", "alias", "action", "measure")
         for source in self.sources.values() if sources is None else sources:
             if (local and source.name != symbol.file) or symbol.name not in source.text:

@@ -69,11 +69,7 @@ def why_not(service: LanguageService, params: JsonObject) -> JsonObject:
     workspace = service.checked(service.name_of(uri)).workspace
     engine = engine_of(workspace)
     if engine is None:
-        reason = (
-            "the files have errors: correct them first"
-            if workspace.errors
-            else "there is no model in which to look for matches"
-        )
+        reason = "the files have errors: correct them first" if workspace.errors else "there is no model"
         raise InvalidArgument(reason)
     return {"text": why_not_text(engine.why_not(str(params["name"])))}
 

@@ -315,7 +315,7 @@ class Painter:
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[tuple[int | None, Edge]]:
         """Yield the edges between drawn nodes: references, and objects with two single-valued references to nodes.
 
-        The first item of a pair is the object, or None for a reference. Tokens are not drawn as edges, whatever they refer to.
+        The first item of a pair is the object, or None for a reference. Tokens are not drawn as edges.
         """
         model, mm, cls = self._model, self._model.metamodel, draw.cls
         for reference in mm.references:
