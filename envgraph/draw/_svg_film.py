@@ -20,6 +20,9 @@ from envgraph.draw._diagram_data import escape_markup
 BORDER = 12
 """The width of the border around pictures in CSS pixels."""
 
+_LEAST_WIDTH = 250
+"""The smallest width of an animation in CSS pixels, so that the texts below the picture have room."""
+
 LEAST_LETTERS, _WIDE = 14, 28
 """The size of the letters of captions: at least 14 pixels, and larger in a picture wider than 28 letters, because a
 narrow screen shrinks it."""
@@ -48,7 +51,7 @@ class ElementGroup:
     elements: tuple[str, ...]
 
 
-def film(frames: Sequence[SvgFrame], title: str, *, least_width: int = 250) -> str:
+def film(frames: Sequence[SvgFrame], title: str) -> str:
     """Return an animated SVG that shows the frames three times, and then the first frame.
 
     Without animation it shows the first frame: if the reader has asked for reduced motion, and in print.
@@ -56,12 +59,11 @@ def film(frames: Sequence[SvgFrame], title: str, *, least_width: int = 250) -> s
     Args:
         frames: the frames. Pictures that are smaller than others are in the upper left corner.
         title: a sentence that describes the animation.
-        least_width: the smallest width in CSS pixels, so that the texts below the picture have room.
     """
     sizes = [svg_size(frame.svg) for frame in frames]
     width, height = (max(lengths) for lengths in zip(*sizes, strict=True))
     scale = width / sizes[0][0], height / sizes[0][1]
-    inner = max(width, least_width)
+    inner = max(width, _LEAST_WIDTH)
     letters = letter_size(inner)
     line = BORDER + height + 1.5 * letters
     texts = [
