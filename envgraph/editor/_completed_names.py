@@ -7,12 +7,10 @@ follow, say what the name would stand for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeAlias
 
-from envgraph.code import dataclass
 from envgraph.editor._cursors import Cursor
 from envgraph.editor._scopes import CallSignature, CursorScope, Definitions, attribute_type
 from envgraph.editor._wanted_values import WantedValue
@@ -20,26 +18,8 @@ from envgraph.lang import Lexeme, name_roles
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name
 from envgraph.pattern import FUNCTIONS
 
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """A word that can be written at the cursor.
-
-    Attributes:
-        label: the word.
-        kind: the kind of the word, such as "class" or "keyword".
-        detail: a short text beside the word, such as a type.
-        doc: a longer text, or None.
-        inserted: the text to insert in place of the label; with `is_snippet`, `${1:x}` in it are places to fill in.
-    """
-
-    label: str
-    kind: str
-    detail: str = ""
-    doc: str | None = None
-    inserted: str = ""
-    is_snippet: bool = False
-
+OfferedName: TypeAlias = tuple[str, str, str, str | None, str, bool]
+"""The fields of an `Offer`: label, kind, detail, documentation, inserted text, and whether it is a snippet."""
 
 ANNOTATIONS: Final[Mapping[str, Mapping[str, str]]] = {
     "metamodel": {
@@ -65,7 +45,7 @@ _OBJECT_ACTIONS: Final = ("set", "create", "delete", "retype", "move", "merge", 
 _SUPPRESS: Final = 'suppress("${1:code}")'
 
 
-def offered_names(cursor: Cursor, states: list[int], definitions: Definitions) -> Iterator[Offer]:
+def offered_names(cursor: Cursor, states: list[int], definitions: Definitions) -> Iterator[OfferedName]:
     """Yield the names that can be written at the cursor.
 
     Args:
@@ -96,7 +76,7 @@ class _NameOffers:
     def _wanted(self) -> WantedValue:
         return WantedValue(self._cursor, self._definitions, self._scope)
 
-    def offers(self) -> Iterator[Offer]:
+    def offers(self) -> Iterator[OfferedName]:
         if self._before == "@" and "annotation" in self._rules:
             yield from self._annotations()
         elif self._before == ".":
@@ -112,12 +92,12 @@ class _NameOffers:
 
     # --- by the sign before the name ---
 
-    def _annotations(self) -> Iterator[Offer]:
+    def _annotations(self) -> Iterator[OfferedName]:
         for name, snippet in {**ANNOTATIONS.get(self._cursor.language, {}), "suppress": _SUPPRESS}.items():
             is_written = self._cursor.following == "("
-            yield Offer(name, "function", "", None, name if is_written else snippet, not is_written)
+            yield name, "function", "", None, name if is_written else snippet, not is_written
 
-    def _after_dot(self) -> Iterator[Offer]:
+    def _after_dot(self) -> Iterator[OfferedName]:
         """Yield the features at the end of a path such as `Class.feature.` or `variable.feature.`."""
         cursor, path = self._cursor, []
         distance = 1
@@ -134,7 +114,7 @@ class _NameOffers:
             return (yield from _feature_names(one for one in wanted if isinstance(one, Reference) and one.containment))
         yield from _feature_names(wanted)
 
-    def _after_colons(self) -> Iterator[Offer]:
+    def _after_colons(self) -> Iterator[OfferedName]:
         """Yield the literals of the enum before `::`; without an enum, the literals that fit here."""
         named = self._cursor.before(2)
         enum = self._definitions.find_enum(named.value) if named.kind == "NAME" else None
@@ -151,7 +131,7 @@ class _NameOffers:
 
     # --- by language ---
 
-    def _in_metamodel(self) -> Iterator[Offer]:
+    def _in_metamodel(self) -> Iterator[OfferedName]:
         definitions, rules = self._definitions, self._rules
         metamodel = definitions.metamodel
         if self._before in ("contains", "refers"):
@@ -169,17 +149,17 @@ class _NameOffers:
             yield from self._opposites()
         elif self._signs >= {"["} and not rules:
             for scalar in Scalar:
-                yield Offer(scalar.value, "type")
+                yield scalar.value, "type", "", None, "", False
             yield from self._enums()
         elif "annotation_value" in rules:
             yield from self._key_attributes()
 
-    def _in_model(self) -> Iterator[Offer]:
+    def _in_model(self) -> Iterator[OfferedName]:
         rules, signs = self._rules, self._signs
         metamodel = self._definitions.metamodel
         if self._before == ":" and self._cursor.before(3).value == "model":
             if metamodel:
-                yield Offer(metamodel.name, "class", "metamodel")
+                yield metamodel.name, "class", "metamodel", None, "", False
         elif rules & {"_object", "entry", "legend_entry"} or ("value" in rules and self._before == ":"):
             yield from self._classes(self._is_concrete)
         elif "part" in rules or self._before == "next":
@@ -197,7 +177,7 @@ class _NameOffers:
         elif "plain" in rules:
             yield from self._model_values()
 
-    def _in_definitions(self) -> Iterator[Offer]:
+    def _in_definitions(self) -> Iterator[OfferedName]:
         rules, signs = self._rules, self._signs
         if "annotation_value" in rules:
             yield from self._annotated_variables()
@@ -231,21 +211,21 @@ class _NameOffers:
 
     # --- kinds of names ---
 
-    def _classes(self, allows: Callable[[str], bool] = lambda name: True) -> Iterator[Offer]:
+    def _classes(self, allows: Callable[[str], bool] = lambda name: True) -> Iterator[OfferedName]:
         for cls in self._definitions.metamodel.class_list if self._definitions.metamodel else ():
             if allows(cls.name):
                 detail = "abstract class" if cls.abstract else "class"
-                yield Offer(simple_name(cls.name), "class", detail, cls.doc)
+                yield simple_name(cls.name), "class", detail, cls.doc, "", False
 
     def _is_concrete(self, name: str) -> bool:
         metamodel = self._definitions.metamodel
         return metamodel is not None and not metamodel.classes[name].abstract
 
-    def _enums(self) -> Iterator[Offer]:
+    def _enums(self) -> Iterator[OfferedName]:
         for enum in self._definitions.metamodel.enum_types if self._definitions.metamodel else ():
-            yield Offer(simple_name(enum.name), "enum", ", ".join(enum.literals), enum.doc)
+            yield simple_name(enum.name), "enum", ", ".join(enum.literals), enum.doc, "", False
 
-    def _types(self) -> Iterator[Offer]:
+    def _types(self) -> Iterator[OfferedName]:
         """Yield the names of classes; for the type of a parameter, also those of enums and data types."""
         if self._cursor.following in ("-", "<-") and self._before != ":":
             return  # an object is before an arrow
@@ -256,9 +236,9 @@ class _NameOffers:
             yield from self._enums()
             before = self._cursor.lexemes[opening - 2].value if opening > 1 else ""
             for scalar in () if before == "action" else Scalar:
-                yield Offer(scalar.value, "type")
+                yield scalar.value, "type", "", None, "", False
 
-    def _calls(self) -> Iterator[Offer]:
+    def _calls(self) -> Iterator[OfferedName]:
         if self._before == "find" or self._cursor.before(2).value == "import" or self._before == "import":
             found: Iterable[CallSignature] = self._definitions.patterns.values()
         elif self._before == "package":
@@ -273,14 +253,14 @@ class _NameOffers:
                 continue
             label = one.label if one.parameters else one.kind
             if is_closure or self._cursor.following == "(" or self._before in ("import", "pattern"):
-                yield Offer(one.name, "function", label, one.doc)
+                yield one.name, "function", label, one.doc, "", False
                 continue
             holes = ", ".join(f"${{{place}:{name}}}" for place, (name, _) in enumerate(one.parameters, start=1))
             needs_brackets = bool(one.parameters) or one.kind in ("pattern", "nothing")
             inserted = f"{one.name}({holes})" if needs_brackets else one.name
-            yield Offer(one.name, "function", label, one.doc, inserted, bool(holes))
+            yield one.name, "function", label, one.doc, inserted, bool(holes)
 
-    def _variables(self) -> Iterator[Offer]:
+    def _variables(self) -> Iterator[OfferedName]:
         definitions, wanted = self._definitions, self._wanted.type()
         # In an expression, a feature of the variable may follow, whose value is data.
         may_continue = "(" in self._signs and not definitions.is_class(wanted)
@@ -290,21 +270,21 @@ class _NameOffers:
             if needs_object and not is_object:
                 continue
             if definitions.fits(type_, wanted) or (may_continue and definitions.features(type_)):
-                yield Offer(name, "variable", type_)
+                yield name, "variable", type_, None, "", False
 
-    def _enum_values(self) -> Iterator[Offer]:
+    def _enum_values(self) -> Iterator[OfferedName]:
         """Yield the literals of the enum that is wanted here; if the wanted type is unknown, all enums."""
         wanted = self._wanted.type()
         enum = self._definitions.find_enum(wanted)
         if enum is not None:
-            yield Offer(simple_name(enum.name), "enum", "", enum.doc, f"{simple_name(enum.name)}::")
+            yield simple_name(enum.name), "enum", "", enum.doc, f"{simple_name(enum.name)}::", False
             yield from _literals(enum, f"{simple_name(enum.name)}::")
         elif not wanted:
-            is_written = self._cursor.following == "::"
-            for one in self._enums():
-                yield one if is_written else replace(one, inserted=f"{one.label}::")
+            for label, kind, detail, doc, _, _ in self._enums():
+                is_written = self._cursor.following == "::"
+                yield label, kind, detail, doc, label if is_written else f"{label}::", False
 
-    def _features_of_block(self) -> Iterator[Offer]:
+    def _features_of_block(self) -> Iterator[OfferedName]:
         """Yield the features of the object whose block `{ .. }` the cursor is in, except those written already."""
         features, opening = self._wanted.block_features()
         if opening is None:
@@ -315,16 +295,16 @@ class _NameOffers:
         written = {one.value for one, after in pairs if after.value == "=" and one.brace_depth == depth}
         yield from _feature_names(one for name, one in features.items() if name not in written)
 
-    def _functions(self) -> Iterator[Offer]:
+    def _functions(self) -> Iterator[OfferedName]:
         """Yield the functions of expressions whose result can be here."""
         wanted, is_written = self._wanted.type(), self._cursor.following == "("
         for one in FUNCTIONS.values():
             if self._definitions.fits(one.result or Scalar.INT, wanted):
                 holes = ", ".join(f"${{{place}:{name}}}" for place, name in enumerate(one.parameters, start=1))
                 inserted = "" if is_written else f"{one.name}({holes})"
-                yield Offer(one.name, "function", one.signature, one.doc, inserted, not is_written)
+                yield one.name, "function", one.signature, one.doc, inserted, not is_written
 
-    def _arrow_references(self) -> Iterator[Offer]:
+    def _arrow_references(self) -> Iterator[OfferedName]:
         """Yield the references of the object before `-`, or those that lead to the object before `<-`."""
         metamodel, name = self._definitions.metamodel, self._cursor.before(2).value
         has_class = self._cursor.before(3).value == ":"
@@ -338,7 +318,7 @@ class _NameOffers:
             found = [one for one in metamodel.references if self._definitions.fits(type_, one.target)]
         yield from _feature_names(one for one in found if isinstance(one, Reference))
 
-    def _drawn_attributes(self) -> Iterator[Offer]:
+    def _drawn_attributes(self) -> Iterator[OfferedName]:
         """Yield the attributes of the class that a picture draws."""
         for one in reversed(self._cursor.lexemes[: self._cursor.index]):
             cls = self._definitions.find_class(one.value)
@@ -346,7 +326,7 @@ class _NameOffers:
                 found = self._definitions.features(cls).values()
                 return (yield from _feature_names(feature for feature in found if isinstance(feature, Attribute)))
 
-    def _opposites(self) -> Iterator[Offer]:
+    def _opposites(self) -> Iterator[OfferedName]:
         """Yield the references of the target class that lead back to the class with the cursor."""
         metamodel = self._definitions.metamodel
         opening = self._cursor.enclosing("{")
@@ -363,7 +343,7 @@ class _NameOffers:
             if own not in metamodel.classes or metamodel.is_a(own, one.target):
                 yield from _feature_names([one])
 
-    def _key_attributes(self) -> Iterator[Offer]:
+    def _key_attributes(self) -> Iterator[OfferedName]:
         """Yield the attributes for `@key(..)`: those of the class that follows the annotation."""
         opening = self._cursor.enclosing("(")
         if opening is None or self._cursor.lexemes[opening - 1].value != "key":
@@ -373,14 +353,14 @@ class _NameOffers:
         found = self._definitions.features(next(names, None)).values()
         yield from _feature_names(one for one in found if isinstance(one, Attribute))
 
-    def _annotated_variables(self) -> Iterator[Offer]:
+    def _annotated_variables(self) -> Iterator[OfferedName]:
         """Yield the parameters and variables of the definition after an annotation."""
         end = self._cursor.lexemes[self._cursor.index].end
         for one in self._cursor.reading.names():
             if one.kind in ("parameter", "variable") and one.name != "_" and one.start >= end:
-                yield Offer(one.name, "variable")
+                yield one.name, "variable", "", None, "", False
 
-    def _model_values(self) -> Iterator[Offer]:
+    def _model_values(self) -> Iterator[OfferedName]:
         """Yield the values of the feature before `=` or of the column of a table: objects, literals or classes."""
         feature = self._wanted.feature()
         if isinstance(feature, Attribute):
@@ -393,7 +373,7 @@ class _NameOffers:
         wanted = feature.target if feature is not None else ""
         for name, type_ in self._objects().items():
             if feature is not None and not feature.containment and self._definitions.fits(type_, wanted):
-                yield Offer(name, "variable", type_)
+                yield name, "variable", type_, None, "", False
 
     def _objects(self) -> dict[str, str]:
         """Return the class of each named object of the model by name; "" for a grid."""
@@ -412,14 +392,14 @@ class _NameOffers:
                 yield one
 
 
-def _feature_names(features: Iterable[Feature]) -> Iterator[Offer]:
+def _feature_names(features: Iterable[Feature]) -> Iterator[OfferedName]:
     for one in features:
         is_reference = isinstance(one, Reference)
         type_ = one.target if isinstance(one, Reference) else attribute_type(one)
         kind = "reference" if is_reference else "property"
-        yield Offer(one.name, kind, f"{one.owner}.{one.name} : {type_}[{one.multiplicity}]", one.doc)
+        yield one.name, kind, f"{one.owner}.{one.name} : {type_}[{one.multiplicity}]", one.doc, "", False
 
 
-def _literals(enum: EnumType, prefix: str = "") -> Iterator[Offer]:
+def _literals(enum: EnumType, prefix: str = "") -> Iterator[OfferedName]:
     for literal in enum.literals:
-        yield Offer(f"{prefix}{literal}", "literal", simple_name(enum.name))
+        yield f"{prefix}{literal}", "literal", simple_name(enum.name), None, "", False

@@ -6,7 +6,8 @@ import posixpath
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from envgraph.editor._completed_names import Offer, offered_names
+from envgraph.code import dataclass
+from envgraph.editor._completed_names import offered_names
 from envgraph.editor._cursors import Cursor, cursor_at
 from envgraph.editor._documents import Document, JsonObject
 from envgraph.editor._family_completion import complete_family
@@ -36,6 +37,26 @@ _IMPORTED: Final = {
 """By language: the suffixes of the files that a file can import."""
 
 
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A word that can be written at the cursor.
+
+    Attributes:
+        label: the word.
+        kind: a key of `_KINDS`.
+        detail: a short text beside the word, such as a type.
+        doc: a longer text, or None.
+        inserted: the text to insert in place of the label; with `is_snippet`, `${1:x}` in it are places to fill in.
+    """
+
+    label: str
+    kind: str
+    detail: str = ""
+    doc: str | None = None
+    inserted: str = ""
+    is_snippet: bool = False
+
+
 def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     """Return the words that can be written at a position of a document."""
     document = service.document(params)
@@ -43,7 +64,7 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     definitions = Definitions(service.checked(document.source.name), document.source.name)
     if document.source.name.endswith(".toml"):
         found = complete_family(document, offset, definitions, service.edited_files())
-        return [_item(document, start, end, one) for start, end, one in found]
+        return [_item(document, start, end, Offer(*one)) for start, end, one in found]
     cursor = cursor_at(document, offset)
     if cursor is None:
         return []
@@ -52,7 +73,7 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     states = cursor.reading.states_before(cursor.lexemes[cursor.index].start)
     if states is None:
         return []
-    offers = [*offered_names(cursor, states, definitions)]
+    offers = [Offer(*one) for one in offered_names(cursor, states, definitions)]
     offers += offered_keywords(cursor, states)
     unique = {(one.label, one.kind): one for one in reversed(offers)}
     return [_item(document, cursor.start, cursor.end, one) for one in reversed(unique.values())]

@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from envgraph.code import dataclass
-from envgraph.editor._completed_names import Offer
+from envgraph.editor._completed_names import OfferedName
 from envgraph.editor._documents import Document
 from envgraph.editor._scopes import Definitions
 from envgraph.lang import COMPONENTS, MEASURE_OPTIONS, TABLES, ComponentSpec, FamilySpec, Files
@@ -75,7 +75,7 @@ class _TomlPlace:
 
 def complete_family(
     document: Document, offset: int, definitions: Definitions, files: Files
-) -> Iterator[tuple[int, int, Offer]]:
+) -> Iterator[tuple[int, int, OfferedName]]:
     """Yield the offers at an offset of a family file, each with the range in the text that it replaces."""
     text = document.source.text
     line = text[text.rfind("\n", 0, offset) + 1 : offset]
@@ -94,14 +94,14 @@ def complete_family(
         yield start, rest.end() if rest else offset, offer
 
 
-def _offers(place: _TomlPlace, definitions: Definitions, file: str, files: Files) -> Iterator[Offer]:
+def _offers(place: _TomlPlace, definitions: Definitions, file: str, files: Files) -> Iterator[OfferedName]:
     if re.fullmatch(r"[ \t]*\[{1,2}[\w.-]*", place.line):
         for table in dict.fromkeys([*TABLES, *_COMPONENT_TABLES, "measures.", "audit", "ga4cl"]):
             if f"[{table}]" not in place.text:
-                yield Offer(table, "class", "table", _summary(TABLES[table]) if table in TABLES else None)
+                yield table, "class", "table", _summary(TABLES[table]) if table in TABLES else None, "", False
     elif re.fullmatch(r"[ \t]*[\w-]*", place.line):
         written = _KEY.findall(place.table_text)
-        yield from (one for one in _keys(place) if one.label not in written)
+        yield from (one for one in _keys(place) if one[0] not in written)
     elif pair := re.match(r"[ \t]*([\w-]+)[ \t]*=(.*)", place.line):
         is_text = pair[2].count('"') % 2 == 1
         if not is_text and re.search(r'"[ \t]*$', pair[2]):
@@ -110,24 +110,24 @@ def _offers(place: _TomlPlace, definitions: Definitions, file: str, files: Files
         for label, kind, detail, doc in values:
             is_boolean = label in ("true", "false")
             if not (is_text and is_boolean):
-                yield Offer(label, kind, detail, doc, label if is_text or is_boolean else f'"{label}"')
+                yield label, kind, detail, doc, label if is_text or is_boolean else f'"{label}"', False
 
 
-def _keys(place: _TomlPlace) -> Iterator[Offer]:
+def _keys(place: _TomlPlace) -> Iterator[OfferedName]:
     if not place.table:
         docs = _field_docs(FamilySpec)
         for name in _TOP_KEYS:
-            yield Offer(name, "property", "", docs.get(name), f"{name} = ")
+            yield name, "property", "", docs.get(name), f"{name} = ", False
     elif place.role is not None:
         kinds = ", ".join(COMPONENTS[place.role])
         named = "name" if place.table in ("search.parents", "search.survivors", "optimise.strategy") else "kind"
-        yield Offer(named, "property", "", f"One of {kinds}.", f'{named} = "${{1}}"', True)
+        yield named, "property", "", f"One of {kinds}.", f'{named} = "${{1}}"', True
         for name, (detail, doc) in _options(place.role, place.kind).items():
-            yield Offer(name, "property", detail, doc, f"{name} = ")
+            yield name, "property", detail, doc, f"{name} = ", False
     elif place.table in TABLES:
         docs = _field_docs(TABLES[place.table])
         for one in fields(TABLES[place.table]):
-            yield Offer(one.name, "property", _default_text(one.default), docs.get(one.name), f"{one.name} = ")
+            yield one.name, "property", _default_text(one.default), docs.get(one.name), f"{one.name} = ", False
 
 
 def _options(role: str, kind: str) -> dict[str, tuple[str, str | None]]:
