@@ -119,7 +119,7 @@ class _Game:
         self._begin(member)
 
     def _begin(self, member: Member) -> None:
-        """Begin to play a member, and compute the best policy if it is chosen. The message has the certificates."""
+        """Begin to play a member; compute the best policy, if it is wanted. The message says what is known of it."""
         self.member, family = member, self.family
         self.episode: PlayedEpisode = play_episode(family, member, self._random)
         facts = format_certificates(member, family.members)

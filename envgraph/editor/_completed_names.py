@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Final, TypeAlias
 
 from envgraph.editor._cursors import Cursor
-from envgraph.editor._scopes import CallSignature, CursorScope, Definitions, attribute_type
+from envgraph.editor._scopes import Definitions, Scope, Signature, attribute_type
 from envgraph.editor._wanted_values import WantedValue
 from envgraph.lang import Lexeme, name_roles
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name
@@ -38,7 +38,7 @@ ANNOTATIONS: Final[Mapping[str, Mapping[str, str]]] = {
     "environment": {"key": 'key("${1:ArrowUp}")'},
 }  # fmt: skip
 """By language and name: the snippet of an annotation."""
-_NOTHING: Final = CallSignature("nothing", (), "Do nothing.", "nothing")
+_NOTHING: Final = Signature("nothing", (), "Do nothing.", "nothing")
 """The rule without effect that every environment can call."""
 _OBJECT_ACTIONS: Final = ("set", "create", "delete", "retype", "move", "merge", "redirect", "to")
 """The keywords of actions before the name of an object."""
@@ -69,8 +69,8 @@ class _NameOffers:
         self._before = cursor.before().value
 
     @cached_property
-    def _scope(self) -> CursorScope:
-        return CursorScope(self._definitions, self._cursor)
+    def _scope(self) -> Scope:
+        return Scope(self._definitions, self._cursor)
 
     @cached_property
     def _wanted(self) -> WantedValue:
@@ -240,7 +240,7 @@ class _NameOffers:
 
     def _calls(self) -> Iterator[OfferedName]:
         if self._before == "find" or self._cursor.before(2).value == "import" or self._before == "import":
-            found: Iterable[CallSignature] = self._definitions.patterns.values()
+            found: Iterable[Signature] = self._definitions.patterns.values()
         elif self._before == "package":
             return
         else:

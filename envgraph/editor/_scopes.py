@@ -19,7 +19,7 @@ _CLAUSES = ("action", "each", "on", "observe", "agent", "agents", "limit", "draw
 
 
 @dataclass(frozen=True, slots=True)
-class CallSignature:
+class Signature:
     """A definition that can be called.
 
     Attributes:
@@ -58,7 +58,7 @@ class Definitions:
         self._file = file
 
     @cached_property
-    def patterns(self) -> Mapping[str, CallSignature]:
+    def patterns(self) -> Mapping[str, Signature]:
         """Return the patterns that the file may call, by the name in the call."""
         visible = [
             one
@@ -68,7 +68,7 @@ class Definitions:
         return _by_name((one, "pattern", self._parameters(one)) for one in visible)
 
     @cached_property
-    def rules(self) -> Mapping[str, CallSignature]:
+    def rules(self) -> Mapping[str, Signature]:
         """Return the rules, units and derived groups, by the name in a call."""
         workspace = self.workspace
         rules = [(one, "rule", self._parameters(one)) for one in workspace.rules]
@@ -131,13 +131,13 @@ class Definitions:
 
 def _by_name(
     found: Iterable[tuple[Pattern | Rule | Unit | Derivation, str, list[tuple[str, str]]]],
-) -> Mapping[str, CallSignature]:
+) -> Mapping[str, Signature]:
     """Return the signatures of definitions by their simple names, or by the qualified names of those that share one."""
     given = [*found]
     counts = Counter(one.name for one, _, _ in given)
     names = [one.name if counts[one.name] == 1 else one.qualified_name for one, _, _ in given]
     return {
-        name: CallSignature(name, parameters, one.doc, kind)
+        name: Signature(name, parameters, one.doc, kind)
         for name, (one, kind, parameters) in zip(names, given, strict=True)
     }
 
@@ -148,7 +148,7 @@ def attribute_type(feature: Feature) -> str:
     return str(type_name(feature.type))
 
 
-class CursorScope:
+class Scope:
     """The variables that can be used at the cursor, with their types as far as the text shows them.
 
     Attributes:

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 from envgraph.editor._cursors import Cursor, split_arguments
-from envgraph.editor._scopes import CursorScope, Definitions
+from envgraph.editor._scopes import Definitions, Scope
 from envgraph.metamodel import Feature
 
 
 class WantedValue:
     """The value that is expected at a cursor, as far as the text before the cursor shows."""
 
-    def __init__(self, cursor: Cursor, definitions: Definitions, scope: CursorScope) -> None:
+    def __init__(self, cursor: Cursor, definitions: Definitions, scope: Scope) -> None:
         self._cursor = cursor
         self._definitions = definitions
         self._scope = scope
