@@ -61,7 +61,7 @@ def play(
         check_render_mode("human", drawn=drawn)
     if record is not None:
         if record.suffix not in _RECORDINGS:
-            raise InvalidArgument(f"`{record}` is not a recording: choose a name that ends in .svg, .gif or .json")
+            raise InvalidArgument(f"`{record}` is no recording: choose a file name that ends in .svg, .gif or .json")
         if record.suffix != ".json":
             check_render_mode("rgb_array", drawn=drawn)
     game = _Game(family, member, seed, policy, delay)

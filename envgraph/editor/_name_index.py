@@ -150,13 +150,15 @@ class NameIndex:
         one, file = place.mention, place.source.name
         match one.kind:
             case "class":
-                return self._class_symbol(one.text) or self._rule_or_pattern(one, file)
+                return (
+                    self._class_symbol(one.text) or self._named("rule", one, file) or self._named("pattern", one, file)
+                )
             case "feature":
-                return self._feature_symbol(one, place)
+                return self._feature_symbol(one, file)
             case "literal":
                 return self._literal_symbol(one, place)
             case "rule":
-                return self._rule_or_pattern(one, file)
+                return self._named("rule", one, file) or self._named("pattern", one, file)
             case "pattern" | "function" | "metamodel" | "environment" | "model" | "measure":
                 return self._named(one.kind, one, file)
             case "object":
@@ -187,9 +189,6 @@ class NameIndex:
             exact = [one for one in symbols if one.within == self._packages.get(file, "")]
         chosen = exact or ([] if mention.qualifier else [*symbols])
         return chosen[0] if chosen else None
-
-    def _rule_or_pattern(self, mention: Mention, file: str) -> Symbol | None:
-        return self._named("rule", mention, file) or self._named("pattern", mention, file)
 
     def _class_symbol(self, name: str) -> Symbol | None:
         places = self.definitions.get(("class", name))
@@ -223,15 +222,14 @@ class NameIndex:
         named = [one for one in features if one.name == mention.text]
         return named[0] if len(named) == 1 else None
 
-    def _feature_symbol(self, mention: Mention, place: Place) -> Symbol | None:
+    def _feature_symbol(self, mention: Mention, file: str) -> Symbol | None:
         if mention.is_definition and mention.holder:
-            return Symbol("feature", mention.text, place.source.name, mention.holder[1])
+            return Symbol("feature", mention.text, file, mention.holder[1])
         feature = self.feature_of(mention)
-        return None if feature is None else self._known_feature_symbol(feature)
-
-    def _known_feature_symbol(self, feature: Feature) -> Symbol:
+        if feature is None:
+            return None
         owner = self._class_symbol(simple_name(feature.owner))
-        return Symbol("feature", feature.name, owner.file if owner else "", simple_name(feature.owner))
+        return Symbol("feature", mention.text, owner.file if owner else "", simple_name(feature.owner))
 
     def _literal_symbol(self, mention: Mention, place: Place) -> Symbol | None:
         if mention.is_definition and mention.holder:
@@ -255,8 +253,7 @@ class NameIndex:
 
     def _step_symbol(self, mention: Mention, file: str) -> Symbol | None:
         """Return the reference or pattern that is a step of a path in a family file."""
-        feature = self.feature_of(mention)
-        return self._named("pattern", mention, file) if feature is None else self._known_feature_symbol(feature)
+        return self._feature_symbol(mention, file) or self._named("pattern", mention, file)
 
     def classes_of(self, holder: Holder | None) -> list[str]:
         """Return the full names of the classes or enums that an object or value may have."""

@@ -71,7 +71,7 @@ def test_lines_are_keys_actions_and_commands(
         (("railway",), "", "railway"),
         (("keydoor", "--delay", "1"), "", "`--delay` needs `--policy`"),
         (("keydoor", "--delay", "-1", "--policy", "best"), "", "a number of seconds from 0 to 3600"),
-        (("keydoor", "--record", "film.png"), "", "`film.png` is not a recording: choose a name that ends in .svg"),
+        (("keydoor", "--record", "film.png"), "", "`film.png` is no recording: choose a file name that ends in .svg"),
     ],
 )
 def test_mistakes_are_told(
