@@ -46,7 +46,7 @@ class PlaySession:
         self._engine = simulator.engine.copy()  # stays in the initial state
         self._seed = 0
         self._rewards: list[dict[str, float]] = []
-        self._chosen: list[tuple[int | None, list[float | None] | None]] = []
+        self._chosen: list[tuple[int | None, bool]] = []  # the action of each step, and if the best policy chose it
         self._reward_names: dict[int, str] = {}
         for agent in simulator.agents.prepared_agents:
             for (clause, _), effect in zip(agent.behaviour.effect_clauses, agent.behaviour.effects, strict=True):
@@ -107,7 +107,7 @@ class PlaySession:
         episode, stepper = self._begun(), self.simulator.current_stepper
         done = episode.choose(action)
         if done is not None:
-            self._keep(stepper, action, None)
+            self._keep(stepper, action)
         return done is not None
 
     def undo(self) -> JsonObject:
@@ -165,7 +165,7 @@ class PlaySession:
         for key, number in episode.bindings.items():
             keys[number].append(key)
         named = zip(episode.action_names, keys, episode.allowed, strict=True)
-        chosen, values = self._chosen[-1] if self._chosen else (None, None)
+        chosen, by_best = self._chosen[-1] if self._chosen else (None, False)
         return {
             "title": self.title,
             "picture": draw_state(simulator.engine, simulator.behaviour, painter=simulator.painter),
@@ -183,18 +183,28 @@ class PlaySession:
             "reason": (last.reason or None) if last else None,
             "chosen": chosen,
             "chosenName": last.name if last else None,
-            "values": values,
+            "values": self._action_values() if by_best else None,
             "best": self.best(),
         }
 
     def best(self) -> JsonObject | None:
-        """Return what is known of the level, with the value of the best policy in the current state; or None."""
+        """Return what is known of the level, with the discounted value of the current state; or None."""
         if self.certificate is None:
             return None
-        value, episode = None, self._begun()
-        if self.certificate.advisor is not None and not episode.end:
-            value = float(self.certificate.advisor.action_values(episode).max())
-        return {**self.certificate.data, "value": value}
+        value, advisor, episode = None, self.certificate.advisor, self._begun()
+        if advisor is not None and not episode.end:
+            value = float(advisor.action_values(episode).max())
+        return {**self.certificate.data, "value": value, "discount": None if advisor is None else advisor.discount}
+
+    def _action_values(self) -> list[float | None] | None:
+        """Return the discounted return that the best policy expects after each action of the current state.
+
+        Return None at the end of an episode, and for agents that act together.
+        """
+        advisor, episode = None if self.certificate is None else self.certificate.advisor, self._begun()
+        if advisor is None or episode.end or self.simulator.joint_stepper is not None:
+            return None
+        return [one if isfinite(one) else None for one in advisor.action_values(episode).tolist()]
 
     def _observed(self) -> JsonObject:
         """Return the index of the observation, and its components by name."""
@@ -209,25 +219,21 @@ class PlaySession:
             raise InvalidArgument("no episode has begun", "request `page/play/start` first")
         return self.episode
 
-    def _keep(self, stepper: AgentStepper, chosen: int | None, values: list[float | None] | None) -> None:
+    def _keep(self, stepper: AgentStepper, chosen: int | None, by_best: bool = False) -> None:
         """Keep the rewards of the step that was just done, by the names of the clauses that paid them."""
         found: dict[str, float] = {}
         for reward, gain in stepper.paid:
             name = self._reward_names[id(reward)]
             found[name] = found.get(name, 0.0) + gain
         self._rewards.append(found)
-        self._chosen.append((chosen, values))
+        self._chosen.append((chosen, by_best))
 
     def _follow_best(self) -> JsonObject:
         found, episode = self.certificate, self._begun()
         if found is None or found.advisor is None:
-            reason = "" if found is None else found.data["text"]
-            raise InvalidArgument(f"the best policy is not known. {reason}".strip(), "watch the random policy instead")
-        action, values = found.advisor.action(episode), found.advisor.action_values(episode).tolist()
-        stepper = self.simulator.current_stepper
+            raise InvalidArgument("the best policy of this level is not known", "watch the random policy instead")
+        action, stepper = found.advisor.action(episode), self.simulator.current_stepper
         episode.step(action)
-        if self.simulator.joint_stepper is not None:  # the action combines those of all agents
-            self._keep(stepper, None, None)
-        else:
-            self._keep(stepper, action, [one if isfinite(one) else None for one in values])
+        is_joint = self.simulator.joint_stepper is not None  # the action combines those of all agents
+        self._keep(stepper, None if is_joint else action, by_best=True)
         return self.state()

@@ -3,7 +3,7 @@
 
 /**
  * @typedef {{name: string, keys?: string[], allowed: boolean}} Action
- * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, randomWalk?: number|null, text?: string}} Best
+ * @typedef {{solvable?: boolean|null, shortest?: number|null, optimal?: number|null, value?: number|null, discount?: number|null, randomWalk?: number|null, text?: string}} Best
  * @typedef {{
  *   picture: {svg?: string, text?: string}, observation?: unknown, actions: Action[], agent?: string|null, title?: string,
  *   steps: number, limit?: number|null, reward: number, rewards?: Record<string, number>|null, total: number,
@@ -52,7 +52,7 @@ export function formatNumber(number, digits = 6) {
  */
 export function describeBest(best) {
   if (!best) return "";
-  if (best.text) return best.text;
+  if (best.text) return best.text.replace(/e-(?=\d)/g, "e\u2011"); // a hyphen that ends no line
   const parts = [];
   if (best.solvable === false) parts.push("not solvable");
   else if (best.shortest != null) parts.push(`solvable in ${best.shortest} ${best.shortest === 1 ? "step" : "steps"}`);
@@ -275,8 +275,10 @@ class Player {
     this.text.textContent = state.picture.text ?? "";
     this.agent.hidden = !state.agent;
     this.agent.textContent = state.agent ? `Next to act: ${state.agent}` : "";
-    const value = state.best?.value;
-    this.best.textContent = this.certificate + (value == null ? "" : ` Best return from here: ${formatNumber(value)}.`);
+    const { value, discount } = state.best ?? {};
+    const here = value == null ? "" : ` From here the best policy expects ${formatNumber(value, 4)}, if each step discounts by ${discount}.`;
+    const numbers = state.values ? " The numbers on the actions are such values, too." : "";
+    this.best.textContent = this.certificate + here + numbers;
     this.showFigures(state);
     this.showOutcome(state);
     this.showActions(state);

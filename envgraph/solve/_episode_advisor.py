@@ -17,13 +17,14 @@ class EpisodeAdvisor:
 
     Args:
         tabular: the table of the environment.
-        discount: see `value_iteration`.
+        discount: see `value_iteration`; also an attribute.
 
     Raises:
         EvaluationError: as for `value_iteration`.
     """
 
     def __init__(self, tabular: Tabular, discount: float = 0.99) -> None:
+        self.discount = discount
         self._tabular, self._optimal = tabular, value_iteration(tabular, discount)
 
     def state(self, episode: PlayedEpisode) -> int:

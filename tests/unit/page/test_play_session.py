@@ -43,14 +43,16 @@ def test_a_level_is_solved_by_the_best_policy_and_its_certificate_is_exact() -> 
     page.ask("page/open")
     page.ask("page/play/start")
     state = page.ask("page/play/policy", policy="best")
-    assert len(state["values"]) == len(state["actions"]) and max(state["values"]) == state["values"][state["chosen"]]
-    best = state["best"]
+    best, values = state["best"], state["values"]
+    assert len(values) == len(state["actions"]) and max(values) == best["value"] and best["discount"] == 0.99
+    assert page.ask("page/play/policy", policy="best")["chosen"] == values.index(max(values))  # values of the next step
+    assert page.ask("page/play/undo") == state
     assert (best["solvable"], best["shortest"], best["limit"]) == (True, 9, 100)
     assert best["text"].startswith("Solvable in 9 steps. A random walk succeeds with probability")
-    assert page.ask("page/certificate") == {name: value for name, value in best.items() if name != "value"}
+    assert page.ask("page/certificate").items() <= best.items()
     while not state["terminated"]:
         state = page.ask("page/play/policy", policy="best")
-    assert (state["steps"], state["end"]) == (9, "success")
+    assert (state["steps"], state["end"], state["values"]) == (9, "success", None)
     assert state["reason"] == "on find atExit(hero) reward 1.0 terminate success"
     assert state["total"] == pytest.approx(best["optimal"]) and state["rewards"] == {
         "each step": -0.01,
@@ -94,7 +96,7 @@ def test_a_level_with_too_many_states_has_sampled_results(monkeypatch: pytest.Mo
     assert found["solvable"] is None and found["states"] is None and 0.0 <= found["randomWalk"] <= 1.0
     assert "has more than 50 outcomes of actions" in found["text"] and "Of 100 sampled random walks" in found["text"]
     page.ask("page/play/start")
-    with pytest.raises(Refused, match="the best policy is not known") as error:
+    with pytest.raises(Refused, match="the best policy of this level is not known") as error:
         page.ask("page/play/policy", policy="best")
     assert error.value.data["hint"] == "watch the random policy instead"
 
