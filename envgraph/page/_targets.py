@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.editor import LanguageService
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.lang import FORMATS, DiskFiles, Files, TextFiles, bundled_domain, bundled_domains
 from envgraph.page._page_session import PageSession
 from envgraph.page._work import Notify
@@ -62,6 +62,10 @@ def find_target(location: str | None, runs: Path) -> Target:
         return Target(location, DiskFiles(), str(bundled_domain(location)), False, runs)
     if path.is_file() and path.suffix[1:] in FORMATS and path.suffix not in (".json", ".sqlite", ".family"):
         raise InvalidArgument(f"`{location}` is a file", f"name its folder: `envgraph serve {path.parent}`")
+    if not path.exists() and not (runs / path).exists():
+        known = bundled_domains()
+        hint = did_you_mean(str(location), known) or "the bundled domains are " + ", ".join(known)
+        raise InvalidArgument(f"there is no folder, no run and no domain `{location}`", hint)
     from envgraph.page._run_requests import load_run
 
     run = load_run(str(location), runs)

@@ -153,7 +153,8 @@ def test_what_cannot_be_served_is_refused_with_a_hint(
     monkeypatch.setattr("envgraph.page._serve.BUILT", tmp_path / "missing")
     assert "the page is not built; run `make page`" in reason("sokoban")
     monkeypatch.setattr("envgraph.page._serve.BUILT", built)
-    assert "there is no run `nothing`" in reason("nothing", runs=tmp_path)
+    assert "there is no folder, no run and no domain `nothing`; the bundled domains are " in reason("nothing")
+    assert reason("sokobn", runs=tmp_path).endswith("domain `sokobn`; did you mean `sokoban`?")
     (tmp_path / "a.rules").write_text("", "utf-8")
     found = reason(f"{tmp_path}/a.rules")
     assert found == f"`{tmp_path}/a.rules` is a file; name its folder: `envgraph serve {tmp_path}`"
