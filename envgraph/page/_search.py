@@ -10,6 +10,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import InvalidArgument
+from envgraph.files import report_progress
 from envgraph.lang import load_workspace
 from envgraph.page._answers import error_object
 from envgraph.page._work import JsonObject, Params, StoppedError
@@ -62,13 +63,14 @@ class RunningSearch:
         from envgraph.search import generate_from_domain
 
         try:
-            family = generate_from_domain(
-                self._domain,
-                self._path,
-                progress=self._show_generation,
-                climbing=self._show_climbing,
-                drawing=lambda found: self._show(int(100 * found.share), None, found.attempts, {}),
-            )
+            with report_progress(lambda text: None):  # the page shows it, and the terminal keeps the address
+                family = generate_from_domain(
+                    self._domain,
+                    self._path,
+                    progress=self._show_generation,
+                    climbing=self._show_climbing,
+                    drawing=lambda found: self._show(int(100 * found.share), None, found.attempts, {}),
+                )
             self._finish({"members": self._draw(family), "bins": _count_bins(family)})
         except StoppedError:
             self._finish({"stopped": True})

@@ -96,7 +96,8 @@ export function showSvg(element, svg, label) {
  */
 export function messageOf(error) {
   const text = error.message ?? String(error);
-  const sentence = text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
+  const isWord = /^[a-z]+ /.test(text); // and not a path
+  const sentence = (isWord ? text.charAt(0).toUpperCase() + text.slice(1) : text) + (/[.!?]$/.test(text) ? "" : ".");
   return error.hint ? `${sentence} Hint: ${error.hint}` : sentence;
 }
 

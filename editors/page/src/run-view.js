@@ -33,7 +33,8 @@ export class FamilyView {
   async show() {
     try {
       const { connection } = this.domain;
-      const { runs, open } = await connection.request("page/run/list");
+      const { runs: all, open } = await connection.request("page/run/list");
+      const runs = all.filter((/** @type {any} */ run) => run.members || run.problem); // searches that ended early have no members
       this.choice.hidden = !runs.length;
       this.runs.replaceChildren(...runs.map((/** @type {any} */ { name, family }) =>
         make("option", { value: name, selected: name === (this.opened ?? open) }, family && family !== name ? `${name} (${family})` : name)));
@@ -59,17 +60,17 @@ export class FamilyView {
 
   /** @param {any} run */
   showRun(run) {
-    const parts = [figures(run.measures.map((/** @type {any} */ each) => [each.name, written(each.value)]))];
-    const target = run.target ? [memberCard({ ...run.target, title: `Target: ${run.target.title ?? run.target.name}` }, null)] : [];
-    parts.push(make("h3", {}, target.length ? "Target and members" : "Members"),
-      make("div", { class: "cards" }, ...target, ...run.members.map((/** @type {Member} */ member) => memberCard(member, this.play))));
+    const parts = [make("p", {}, run.summary)];
+    const titled = (/** @type {Member} */ member) => (member.name === run.target?.name ? { ...member, title: `${member.title ?? member.name}, the target` } : member);
+    parts.push(make("h3", {}, `${run.measures[0].value} members`),
+      make("div", { class: "cards" }, ...run.members.map((/** @type {Member} */ member) => memberCard(titled(member), this.play))));
     if (run.lineage?.length) {
       parts.push(make("h3", {}, "Lineage"), ...run.lineage.map((/** @type {any} */ each) => make("details", {},
         make("summary", {}, `${each.name}: ${each.steps.length} rule applications`), make("ol", {}, ...each.steps.map((/** @type {string} */ step) => make("li", {}, step))))));
     }
     for (const table of run.training ?? []) parts.push(make("h3", {}, table.title), makeTable(table));
     this.content.replaceChildren(...parts);
-    this.certify([...run.members, ...(run.target ? [run.target] : [])]);
+    this.certify(run.members);
   }
 
   /** Compute the certificates that the run does not hold, one after the other, while they are on the page. @param {Member[]} members */
@@ -150,7 +151,7 @@ export class SearchView {
     const soFar = progress.done ? [] : [["Generation", progress.generation], ["Best", progress.best], ["Evaluations", progress.evaluations]];
     const rows = /** @type {[string, any][]} */ ([...soFar, ["Seconds", progress.seconds]]);
     const parts = [figures(rows.filter(([, value]) => value != null).map(([name, value]) => [name, written(value)]))];
-    if (progress.bins?.length) parts.push(make("h3", {}, "Members in each range of the measure"), bars(progress.bins));
+    if (progress.bins?.length > 1) parts.push(make("h3", {}, "Members in each range of the measure"), bars(progress.bins));
     if (progress.members?.length) {
       parts.push(make("h3", {}, progress.done ? "Members" : "Best family so far"), make("div", { class: "cards" }, ...progress.members.map((/** @type {Member} */ member) => memberCard(member, null))));
     }
