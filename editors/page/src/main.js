@@ -41,7 +41,7 @@ function shareButton(edit) {
 /** @param {Domain} domain */
 function showViews(domain) {
   const edit = new EditView(domain);
-  const play = new PlayView(domain);
+  const play = new PlayView(domain, () => edit.models.value);
   const family = new FamilyView(domain, (member) => (play.playMember(member), show("play")));
   const search = new SearchView(domain, (run) => (family.opened = run, show("family")));
   const views = /** @type {Record<string, {title: string, view: {element: HTMLElement, show?: () => void}}>} */ ({

@@ -3,11 +3,13 @@
 import { make, mountPlayer } from "../../../envgraph/page/player.js";
 
 export class PlayView {
-  /** @param {import("./domain.js").Domain} domain */
-  constructor(domain) {
+  /** @param {import("./domain.js").Domain} domain @param {() => string} shownModel the model that the view "Edit" shows */
+  constructor(domain, shownModel) {
     this.domain = domain;
+    this.shownModel = shownModel;
+    this.isChosen = false; // until a person chooses a level, that of the view "Edit" is played
     this.environment = make("select", { onchange: () => this.start() });
-    this.level = make("select", { onchange: () => this.start() });
+    this.level = make("select", { onchange: () => (this.isChosen = true, this.start()) });
     this.seed = make("input", { type: "number", value: "0", min: "0", step: "1", onchange: () => this.start() });
     this.stage = make("div", { class: "stage" });
     this.form = make("form", { class: "choices", onsubmit: (/** @type {Event} */ event) => event.preventDefault() },
@@ -19,7 +21,7 @@ export class PlayView {
 
   showChoices() {
     const { environments, models } = this.domain.data;
-    const [environment, level] = [this.environment.value, this.level.value];
+    const [environment, level] = [this.environment.value, this.isChosen ? this.level.value : `model ${this.shownModel()}`];
     const option = (/** @type {string} */ value, /** @type {string} */ text, /** @type {string} */ chosen) =>
       make("option", { value, selected: value === chosen }, text);
     this.environment.replaceChildren(...environments.map(({ name }) => option(name, name, environment)));
@@ -41,6 +43,7 @@ export class PlayView {
   /** @param {string} member play a member of the open run */
   playMember(member) {
     this.showChoices();
+    this.isChosen = true;
     this.level.value = `member ${member}`;
   }
 

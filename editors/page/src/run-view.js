@@ -66,7 +66,7 @@ export class FamilyView {
       make("div", { class: "cards" }, ...run.members.map((/** @type {Member} */ member) => memberCard(titled(member), this.play))));
     if (run.lineage?.length) {
       parts.push(make("h3", {}, "Lineage"), ...run.lineage.map((/** @type {any} */ each) => make("details", {},
-        make("summary", {}, `${each.name}: ${each.steps.length} rule applications`), make("ol", {}, ...each.steps.map((/** @type {string} */ step) => make("li", {}, step))))));
+        make("summary", {}, `${each.name}: ${each.steps.length} rule application${each.steps.length === 1 ? "" : "s"}`), make("ol", {}, ...each.steps.map((/** @type {string} */ step) => make("li", {}, step))))));
     }
     for (const table of run.training ?? []) parts.push(make("h3", {}, table.title), makeTable(table));
     this.content.replaceChildren(...parts);

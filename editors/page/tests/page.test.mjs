@@ -199,6 +199,24 @@ test("the best policy plays lava until the end, with the values of its actions",
   await lava.stop();
 });
 
+test("the level is that of the view Edit, until another is chosen", async () => {
+  const forest = await serve("burning_forest");
+  const tab = await open(browser, forest.address);
+  const level = () => tab.getByLabel("Level").inputValue();
+  await choose(tab, "play");
+  assert.equal(await level(), "model target_8x8");
+  await choose(tab, "edit");
+  await tab.getByRole("combobox", { name: "Model" }).selectOption("running_4x4");
+  await choose(tab, "play");
+  assert.equal(await level(), "model running_4x4");
+  await tab.getByLabel("Level").selectOption("model target_8x8");
+  await choose(tab, "edit");
+  await choose(tab, "play");
+  assert.equal(await level(), "model target_8x8");
+  await tab.context().close();
+  await forest.stop();
+});
+
 test("a search makes a family, whose members can be played", async () => {
   const mazes = await serve(newMazes());
   const tab = await open(browser, mazes.address);
