@@ -71,7 +71,7 @@ def play(
     finally:
         if record is not None:
             _write_recording(record, game)
-    print_line(f"{game.member.name} of {family.name}: {game.status}")
+    print_line(f"{game.title}: {game.status}")
     if record is not None:
         print_line(f"wrote {record}")
 
@@ -132,7 +132,12 @@ class _Game:
                 found = certify(table, limit=family.limit or _WALK_STEPS)
                 facts = format_certificates(replace(member, certificates=found.values()))
         known = ", ".join(f"{name}: {value}" for name, value in facts)
-        self.message = f"{member.name} of {family.name}" + (f"; {known}" if known else "")
+        self.message = self.title + (f"; {known}" if known else "")
+
+    @property
+    def title(self) -> str:
+        """Return the names of the member and the family."""
+        return f"{self.member.name} of {self.family.name}"
 
     @property
     def status(self) -> str:
@@ -161,7 +166,7 @@ class _Game:
             for number, (name, can) in enumerate(zip(episode.action_names, episode.allowed, strict=True))
         ]
         commands = ", ".join(f"{self._key_of(command)} {command}".strip() for command in self._commands())
-        return PlayView(scene, picture, self.status, tuple(actions), commands, self.message)
+        return PlayView(scene, picture, self.status, tuple(actions), commands, self.message, self.title)
 
     def _commands(self) -> list[str]:
         """Return the commands that can be used: `next` needs several members, `policy` needs a policy."""
@@ -224,7 +229,7 @@ def _key_text(key: str) -> str:
 
 def _write_recording(path: Path, game: _Game) -> None:
     """Write the steps of the episode, as the ending of the file name says."""
-    episode, name = game.episode, f"{game.member.name} of {game.family.name}"
+    episode, name = game.episode, game.title
     if path.suffix == ".svg":
         replace_file(path, episode_svg(episode, name))
     elif path.suffix == ".gif":

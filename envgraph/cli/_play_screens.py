@@ -6,7 +6,7 @@ import os
 import select
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, Protocol
 
@@ -38,6 +38,7 @@ class PlayView:
         actions: each action with its key in front, and True if it is allowed now.
         commands: the commands with their keys.
         message: an answer to the last key; "" for none.
+        title: the names of the member and the family.
     """
 
     scene: Scene | None
@@ -46,6 +47,7 @@ class PlayView:
     actions: tuple[tuple[str, bool], ...]
     commands: str
     message: str
+    title: str
 
 
 class PlayScreen(Protocol):
@@ -103,7 +105,7 @@ class TerminalScreen:
     def __init__(self) -> None:
         from rich.console import Console
 
-        self._console = Console(highlight=False, soft_wrap=True)
+        self._console = Console(highlight=False)
         self._input = sys.stdin.fileno()
 
     def show(self, view: PlayView) -> None:
@@ -111,13 +113,14 @@ class TerminalScreen:
         from rich.text import Text
 
         sys.stdout.write("\x1b[H\x1b[J")
-        self._console.print(_coloured(view))
+        self._console.print(_coloured(view), soft_wrap=True)
         self._console.print(Text(f"\n{escape_unprintable(view.status)}", "bold"))
-        for text, can in view.actions:
-            self._console.print(Text(escape_unprintable(text), "" if can else "dim"))
+        for line in _lines_of(view.actions, self._console.width):
+            self._console.print(
+                Text("   ").join(Text(text, "" if can else "dim") for text, can in line), soft_wrap=True
+            )
         self._console.print(Text(view.commands, "dim"))
-        if view.message:
-            self._console.print(Text(escape_unprintable(view.message), "yellow"))
+        self._console.print(Text(escape_unprintable(view.message or view.title), "yellow" if view.message else "dim"))
         sys.stdout.flush()
 
     def read_key(self, seconds: float | None) -> str | None:
@@ -225,6 +228,20 @@ def _coloured(view: PlayView) -> Any:
                     text.stylize(f"{ink} on {colour}", 3 * column, 3 * column + 3)
         lines.append(text)
     return Text("\n").join(lines)
+
+
+def _lines_of(actions: Sequence[tuple[str, bool]], width: int) -> list[list[tuple[str, bool]]]:
+    """Return actions in lines of at most `width` characters, with 3 between two; a longer action has its own line."""
+    lines: list[list[tuple[str, bool]]] = []
+    used = width
+    for text, can in actions:
+        shown = escape_unprintable(text)
+        used += 3 + len(shown)
+        if used > width:
+            lines.append([])
+            used = len(shown)
+        lines[-1].append((shown, can))
+    return lines
 
 
 def _cell_colour(scene: GridScene, column: int, row: int) -> str | None:

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
@@ -186,12 +187,15 @@ def terminals() -> Iterator[list[Terminal]]:
 def test_terminal_gives_single_keys_and_is_restored(terminals: list[Terminal], leave: str | signal.Signals) -> None:
     terminal = Terminal("keydoor")
     terminals.append(terminal)
-    shown = terminal.wait_for("q quit")
+    shown = terminal.wait_for("E1 of KeyDoorTeaching")
     assert "\x1b[?1049h" in shown and "48;2;47;158;68m" in shown, "the picture has the colour of the exit"
     assert termios.tcgetattr(terminal.slave)[3] & (termios.ICANON | termios.ECHO) == 0
     if leave == "q":
         terminal.press("\x1b[C")
-        assert "1 step, go(east), reward -0.01, total -0.01" in terminal.wait_for("q quit")
+        shown = terminal.wait_for("E1 of KeyDoorTeaching")
+        assert "1 step, go(east), reward -0.01, total -0.01" in shown
+        plain = re.sub(r"\x1b\[[0-9;]*m", "", shown)
+        assert "ArrowLeft go(west)   ArrowDown go(south)   ArrowRight go(east)" in plain
         terminal.press("z")
         assert "`z` is not the key or the name of an action or command" in terminal.wait_for("restart, quit")
         terminal.press("\x1bOB\r")
