@@ -60,7 +60,7 @@ export class FamilyView {
 
   /** @param {any} run */
   showRun(run) {
-    const parts = [make("p", {}, run.summary)];
+    const parts = [make("p", {}, `${run.summary}.`)];
     const titled = (/** @type {Member} */ member) => (member.name === run.target?.name ? { ...member, title: `${member.title ?? member.name}, the target` } : member);
     parts.push(make("h3", {}, `${run.measures[0].value} members`),
       make("div", { class: "cards" }, ...run.members.map((/** @type {Member} */ member) => memberCard(titled(member), this.play))));
