@@ -47,6 +47,10 @@ function showViews(domain) {
   const views = /** @type {Record<string, {title: string, view: {element: HTMLElement, show?: () => void}}>} */ ({
     edit: { title: "Edit", view: edit }, play: { title: "Play", view: play }, family: { title: "Family", view: family }, search: { title: "Search", view: search },
   });
+  if (workerScript()) { // runs and searches need a server
+    delete views.family;
+    delete views.search;
+  }
   const nav = byId("views");
   const show = (/** @type {string} */ name) => {
     byId("main").replaceChildren(views[name].view.element);
