@@ -25,7 +25,7 @@ def new_domain(name: str, directory: Path | None, domain: str | None) -> None:
         print_line(f"wrote {path}")
     commands = {"family.toml": f"generate {place}", "problem.toml": f"optimise {place}"}
     known = [commands[path.name] for path in files if path.name in commands]
-    print_line(f"next: envgraph {known[0] if known else f'check {files[0]}'}")
+    print_line(f"next: envgraph {known[0] if known else f'check {files[0]}'}, or envgraph serve {place}")
 
 
 def write_domain(directory: Path, name: str) -> list[Path]:

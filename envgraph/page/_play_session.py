@@ -234,6 +234,6 @@ class PlaySession:
             raise InvalidArgument("the best policy of this level is not known", "watch the random policy instead")
         action, stepper = found.advisor.action(episode), self.simulator.current_stepper
         episode.step(action)
-        is_joint = self.simulator.joint_stepper is not None  # the action combines those of all agents
-        self._keep(stepper, None if is_joint else action, by_best=True)
+        acts_alone = self.simulator.joint_stepper is None  # otherwise the action combines those of all agents
+        self._keep(stepper, action if acts_alone else None, by_best=True)
         return self.state()
