@@ -92,9 +92,9 @@ export class EditView {
 
   /** Show why the picture does not show the current texts. */
   showState() {
-    const { errors, models } = this.domain.data;
+    const { errors, files, models } = this.domain.data;
     const shown = models.length ? "This is the last state without errors." : "The model is shown when they have none.";
-    const text = errors ? `The texts have errors. ${shown}` : models.length ? "" : "There is no model yet. Write one in a file that ends with .model.";
+    const text = errors && files.length ? `The texts have errors. ${shown}` : models.length ? "" : "There is no model yet. Write one in a file that ends with .model.";
     this.stale.hidden = !text;
     this.stale.textContent = text;
   }
