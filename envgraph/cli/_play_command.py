@@ -15,6 +15,7 @@ from envgraph.cli._play_screens import PlayScreen, PlayView, open_screen
 from envgraph.env import (
     END_NAMES,
     PlayedEpisode,
+    TooManyStates,
     check_render_mode,
     episode_gif,
     episode_svg,
@@ -120,17 +121,22 @@ class _Game:
 
     def _begin(self, member: Member) -> None:
         """Begin to play a member; compute the best policy, if it is wanted. The message says what is known of it."""
-        self.member, family = member, self.family
-        self.episode: PlayedEpisode = play_episode(family, member, self._random)
+        family = self.family
         facts = format_certificates(member, family.members)
         if self.policy == "best":
             from envgraph.solve import EpisodeAdvisor, certify
 
-            table = family.explored(member).tabular
+            try:
+                table = family.explored(member).tabular
+            except TooManyStates as error:
+                message = f"no best policy is known for {member.name} of {family.name}: {error.message}"
+                raise InvalidArgument(message, "use `--policy random`, or play by keys") from error
             self._advisor = EpisodeAdvisor(table)
             if not member.certificates:
                 found = certify(table, limit=family.limit or _WALK_STEPS)
                 facts = format_certificates(replace(member, certificates=found.values()))
+        self.member = member
+        self.episode: PlayedEpisode = play_episode(family, member, self._random)
         known = ", ".join(f"{name}: {value}" for name, value in facts)
         self.message = self.title + (f"; {known}" if known else "")
 

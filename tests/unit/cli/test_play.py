@@ -20,8 +20,9 @@ from xml.etree import ElementTree
 import pytest
 
 from envgraph.cli import main
+from envgraph.env import TooManyStates
 from envgraph.lang import data_path
-from envgraph.search import generate
+from envgraph.search import Family, generate
 
 SHORTEST = ["ArrowRight", "ArrowDown", "take", "ArrowDown", "open(east)", *["ArrowRight"] * 3, "ArrowUp"]
 """The shortest plan of the bundled KeyDoor, by keys and by names of actions."""
@@ -105,6 +106,17 @@ def test_best_policy_needs_as_many_steps_as_a_shortest_plan(
         in printed
     )
     assert ", success by `on neg find inHouse(_)" in printed.splitlines()[-1]
+
+
+def test_a_level_with_too_many_states_has_no_best_policy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(family: Family, _: object) -> None:
+        raise TooManyStates(family.behaviour, 9)
+
+    monkeypatch.setattr("envgraph.search.Family.explored", refuse)
+    assert play(monkeypatch, "keydoor", "--policy", "best") == 1
+    assert "has more than 9 states; use `--policy random`, or" in capsys.readouterr().err.replace("\n", " ")
 
 
 def test_random_policy_and_agents_repeat_with_the_seed(
