@@ -99,7 +99,16 @@ class RunningSearch:
             self._notify({"generation": number, "best": best, "evaluations": evaluations, "done": False, **more})
 
     def _finish(self, more: JsonObject) -> None:
-        self._notify({"done": True, "run": self.run_name if self._path.exists() else None, **more})
+        self._notify({"done": True, "run": self.run_name if self._has_family() else None, **more})
+
+    def _has_family(self) -> bool:
+        """Return True if the run has a generation; a search that ends early has none."""
+        from envgraph.search import RunStore
+
+        if not self._path.exists():
+            return False
+        with RunStore.open(self._path) as store:
+            return store.last_generation() is not None
 
     def _notify(self, found: JsonObject) -> None:
         seconds = round(monotonic() - self._begun, 1)

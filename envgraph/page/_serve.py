@@ -43,7 +43,7 @@ def serve(
     except ImportError as error:
         raise InvalidArgument(f"the page needs a web server: {error}", 'run `pip install "envgraph[web]"`') from error
     if not (BUILT / "index.html").is_file():
-        raise InvalidArgument("the page is not built", "run `make page` in the checkout of envgraph, then install it again")
+        raise InvalidArgument("the page is not built", "run `make page` in its checkout, then install envgraph again")
     target = find_target(location, runs)
     with _listen(port or 0) as listening:
         chosen = listening.getsockname()[1]

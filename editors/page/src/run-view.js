@@ -157,8 +157,9 @@ export class SearchView {
     }
     if (progress.done) {
       this.setRunning(false);
-      const { run, error } = progress;
+      const { run, error, stopped } = progress;
       if (error) this.message.textContent = messageOf(typeof error === "string" ? { message: error } : error);
+      if (stopped && !run) parts.unshift(make("p", {}, "The search was stopped before it had a family."));
       if (run) parts.unshift(make("p", {}, `The search is over. Its result is the run ${run}. `, make("button", { type: "button", onclick: () => this.openRun(run) }, "Show the family")));
     }
     this.progress.replaceChildren(...parts);

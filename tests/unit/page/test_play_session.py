@@ -204,7 +204,9 @@ def test_a_search_is_stopped_and_wrong_ones_are_refused(tmp_path: Path) -> None:
     search = page.connection.session.search
     assert search is not None
     search.join(60)
-    assert page.notifications("page/search/progress")[-1]["stopped"] and not search.is_running
+    last = page.notifications("page/search/progress")[-1]
+    assert last["stopped"] and not search.is_running
+    assert (last["run"] is None) == (not page.ask("page/run/list")["runs"][0]["members"])
 
 
 def test_a_page_in_memory_has_no_runs() -> None:
