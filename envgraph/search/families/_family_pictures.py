@@ -94,7 +94,7 @@ def member_html(family: Family, member: Member) -> str:
     given = " (initial)" if member.initial else ""
     text = f"<b>{escape_markup(member.name)}</b>{given}{facts}"
     picture = html_picture(lambda: family.svg(member))
-    style = "margin:0;width:15em;overflow-wrap:anywhere"
+    style = "margin:0;width:min-content;min-width:15em;overflow-wrap:anywhere"  # as wide as the picture
     return f'<figure style="{style}">{picture}<figcaption>{text}</figcaption></figure>'
 
 
