@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 def list_runs(session: PageSession, params: Params) -> JsonObject:
     """Return the names of the runs, the newest first, with the number of members of each, and the run that is open."""
     runs = [] if session.runs is None else list(_describe_runs(session.runs))
-    return {"runs": runs, "open": None if session.run is None else session.run.name}
+    opened = session.run
+    if opened is not None and opened.name not in (one["name"] for one in runs):  # a family file
+        members = len(opened.family.members)
+        runs.insert(0, {"name": opened.name, "family": opened.family.name, "members": members, "problem": None})
+    return {"runs": runs, "open": None if opened is None else opened.name}
 
 
 def _describe_runs(directory: Path) -> Iterator[JsonObject]:

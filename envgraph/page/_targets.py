@@ -71,4 +71,5 @@ def find_target(location: str | None, runs: Path) -> Target:
     run = load_run(str(location), runs)
     bundle = run.family.bundle
     folder = bundle.roots[0].rpartition("/")[0] or "."
-    return Target(run.name, TextFiles(bundle.texts), folder, False, runs, run)
+    beside = runs if run.path is None else run.path.parent.parent
+    return Target(run.name, TextFiles(bundle.texts), folder, False, beside, run)

@@ -182,6 +182,10 @@ def test_a_search_makes_a_run_whose_members_are_shown_and_played(tmp_path: Path)
     served = Page(str(tmp_path / last["run"]))
     assert served.ask("page/open")["title"] == last["run"] and served.ask("page/run/open") == run
     assert served.ask("page/matches", pattern=opened["patterns"][0]["name"])["count"] >= 0
+    assert served.ask("page/run/list") == {"runs": [listed], "open": last["run"]}
+    (tmp_path / "rooms.json").write_text(envgraph.search.write_family(family), "utf-8")
+    runs = Page(str(tmp_path / "rooms.json")).ask("page/run/list")
+    assert runs["open"] == runs["runs"][0]["name"] == "rooms" and runs["runs"][0]["members"] == len(names)
 
 
 def test_a_search_is_stopped_and_wrong_ones_are_refused(tmp_path: Path) -> None:
