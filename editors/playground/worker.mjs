@@ -2,6 +2,8 @@
 
 import { inflate, startPython } from "./python.mjs";
 
+const PAUSE = 50; // milliseconds without a message after which edited texts are checked: messages wait for a check
+
 const waiting = [];
 let wake = () => {};
 self.onmessage = ({ data }) => (waiting.push(data), wake());
@@ -20,7 +22,7 @@ async function answerMessages() {
   const playground = python.globals.get("Playground")(send, name, new TextDecoder().decode(domain));
   for (;;) {
     while (waiting.length) playground.receive(waiting.shift());
-    await new Promise((resolve) => setTimeout(resolve)); // messages that have arrived are answered first
+    await new Promise((resolve) => { wake = resolve; setTimeout(resolve, PAUSE); });
     if (!waiting.length && !playground.work()) await new Promise((resolve) => { wake = resolve; });
   }
 }

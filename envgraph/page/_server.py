@@ -27,7 +27,7 @@ from envgraph.page._work import Work
 MAX_MESSAGE: Final = 20 * 2**20
 """Characters of a message from a page: the largest text of a domain, and what JSON adds to it."""
 
-_PAUSE: Final = 0.1
+_PAUSE: Final = 0.02
 """Seconds without a message after which edited texts are checked."""
 
 _HEADERS: Final = {

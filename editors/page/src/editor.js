@@ -15,7 +15,6 @@ import { highlighting, languageOf } from "./language.js";
 
 /** @typedef {import("./types.js").TextFile} TextFile @typedef {import("./types.js").Diagnostic} Diagnostic */
 
-const CHECK_DELAY = 120; // milliseconds between the last key and the check of the text
 const SEVERITIES = /** @type {const} */ (["error", "error", "warning", "info", "hint"]);
 
 const LANGUAGES = ["metamodel", "query", "rules", "model", "environment"];
@@ -165,7 +164,7 @@ export class TextEditor {
 
   textChanged() {
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.client.sync(), CHECK_DELAY);
+    this.timer = setTimeout(() => this.client.sync()); // envgraph itself waits for a pause before it checks
     this.callbacks.changed();
   }
 
