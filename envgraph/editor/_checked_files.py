@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.editor._mentions import mentions_of
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, sort_diagnostics
-from envgraph.lang import FORMATS, FamilySpec, Files, Workspace, language_of, load_workspace, text_parts
+from envgraph.lang import FORMATS, FamilySpec, Files, ReadingCache, Workspace, language_of, load_workspace, text_parts
 from envgraph.metamodel import Metamodel
 
 if TYPE_CHECKING:
@@ -30,12 +31,14 @@ class CheckResult:
         problems: their problems, and those of their families.
         metamodel: their metamodel, or if it has errors now, that of an earlier check.
         counts: the numbers of matches, as they were last counted; None if there are errors or no model.
+        cache: what the next check need not read again.
     """
 
     workspace: Workspace
     problems: Sequence[Diagnostic]
     metamodel: Metamodel | None = None
     counts: MatchCounts | None = None
+    cache: ReadingCache = field(default_factory=ReadingCache, compare=False, repr=False)
 
     def depends_on(self, name: str, roots: tuple[str, ...]) -> bool:
         """Return True if a change of this file may change the result, because it was read or is in the directory."""
@@ -53,11 +56,13 @@ class CheckJob:
         roots: the paths to read.
         files: all files, as they were when the job was made.
         open_texts: the texts of the open documents. Their names are found first, so that requests need not wait.
+        last: the result of the last check of these paths.
     """
 
     roots: tuple[str, ...]
     files: Files
     open_texts: tuple[Source, ...] = ()
+    last: CheckResult | None = None
 
     @staticmethod
     def roots_of(files: Files, name: str, folders: Iterable[str]) -> tuple[str, ...]:
@@ -75,11 +80,12 @@ class CheckJob:
         for source in self.open_texts:
             for part in text_parts(source):
                 mentions_of(part)
+        cache = self.last.cache.next() if self.last else ReadingCache()
         try:
-            workspace = load_workspace(self.roots, files=self.files)
+            workspace = load_workspace(self.roots, files=self.files, cache=cache)
         except LoadError as error:
             return CheckResult(Workspace(roots=self.roots), error.diagnostics)
-        return CheckResult(workspace, find_problems(workspace), workspace.metamodel)
+        return CheckResult(workspace, find_problems(workspace), workspace.metamodel, cache=cache)
 
 
 def all_roots(files: Files, folders: Iterable[str]) -> Iterator[tuple[str, ...]]:

@@ -175,7 +175,8 @@ class LanguageService:
         if self._stale:
             roots = next(iter(self._stale))
             del self._stale[roots]
-            return CheckJob(roots, self.edited_files(), tuple(one.source for one in self.documents.values()))
+            open_texts = tuple(one.source for one in self.documents.values())
+            return CheckJob(roots, self.edited_files(), open_texts, self._results.get(roots))
         uncounted = [roots for roots in self._uncounted if roots in self._results]
         self._uncounted = dict.fromkeys(uncounted[1:])
         return CountJob(uncounted[0], self._results[uncounted[0]]) if uncounted else None

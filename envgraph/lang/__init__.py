@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         open as open,
         open_workspace as open_workspace,
     )
+    from envgraph.lang.loading._reading_cache import ReadingCache as ReadingCache
     from envgraph.lang.loading._workspace import Workspace as Workspace
     from envgraph.lang.loading._workspace_check import (
         check_start as check_start,

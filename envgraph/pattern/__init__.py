@@ -50,7 +50,12 @@ if TYPE_CHECKING:
         required_variables as required_variables,
         visible_variables as visible_variables,
     )
-    from envgraph.pattern._library import PATHS as PATHS, VALUES as VALUES, Library as Library
+    from envgraph.pattern._library import (
+        PATHS as PATHS,
+        VALUES as VALUES,
+        CheckedPatterns as CheckedPatterns,
+        Library as Library,
+    )
     from envgraph.pattern._occurrences import (
         BodyVariables as BodyVariables,
         base_of as base_of,

@@ -43,12 +43,14 @@ class CheckedPatterns(NamedTuple):
     Attributes:
         problems: all errors and warnings, in the order of the text.
         invalid_names: qualified names of patterns that have errors, or that call such a pattern or an unknown name.
+        clean_names: qualified names of patterns without problems whose check needs only them and their callees.
     """
 
     given: Sequence[Pattern]
     analysis: PatternAnalysis
     problems: tuple[Diagnostic, ...]
     invalid_names: frozenset[str]
+    clean_names: frozenset[str]
 
     @property
     def entries(self) -> tuple[LibraryEntry, ...]:
@@ -70,12 +72,15 @@ class Library:
     Attributes:
         functions: the declared functions by name. `declare` replaces this mapping and never changes it.
         unknown: names that patterns and rules may mention although their definitions are unknown.
+        earlier: the patterns of an earlier check with the same declared functions; equal patterns without problems are
+            not checked again. None if there was no such check.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
         self.functions: Functions = {}
         self.unknown = UnknownNames()
+        self.earlier: CheckedPatterns | None = None
         self._entries: dict[str, LibraryEntry] = {}
         self._names = PatternNames(())
         self._generated: dict[str, LibraryEntry] = {}
@@ -181,11 +186,24 @@ class Library:
         ):
             resolved = [self.with_functions_resolved(one) for one in patterns]
             analysis = PatternAnalysis(self.metamodel, self._entries, resolved, self.unknown)
-            problems, unsound = check_patterns(analysis)
-            last = CheckedPatterns(patterns, analysis, tuple(problems), unsound)
+            unchanged = self._unchanged_names(analysis)
+            problems, unsound, clean = check_patterns(analysis, unchanged)
+            last = CheckedPatterns(patterns, analysis, tuple(problems), unsound, clean)
             if patterns:
                 self._checked = last
         return last
+
+    def _unchanged_names(self, analysis: PatternAnalysis) -> Collection[str]:
+        """Return the patterns that were without problems in the earlier check and are equal, as are their callees."""
+        if self.earlier is None or analysis.known or self.earlier.analysis.metamodel is not analysis.metamodel:
+            return ()
+        if self.earlier.analysis.unknown not in (UnknownNames(), analysis.unknown):
+            return ()
+        before = self.earlier.analysis.entries
+        equal = {name for name, entry in analysis.entries.items() if entry == before.get(name)}
+        return [
+            name for name in self.earlier.clean_names & equal if equal.issuperset(analysis.entries[name].calls.values())
+        ]
 
     def resolve(self, name: str, package: str = "") -> Pattern | None:
         """Return the pattern that a name denotes in a package, or None if no pattern or several patterns match.
@@ -243,6 +261,7 @@ class Library:
         copied._checked = self._checked
         copied.functions = self.functions
         copied.unknown = self.unknown
+        copied.earlier = self.earlier
         return copied
 
     def _entry_of(self, name: str) -> LibraryEntry:

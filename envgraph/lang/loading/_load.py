@@ -13,6 +13,7 @@ from envgraph.lang.family._family_reader import FAMILY_FILE
 from envgraph.lang.loading._family_check import COMPONENTS
 from envgraph.lang.loading._loader import Loader, directory_of
 from envgraph.lang.loading._metamodels import Metamodels, is_same_metamodel
+from envgraph.lang.loading._reading_cache import ReadingCache
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.syntax._bundled_data import bundled_file
 from envgraph.lang.syntax._source_files import DiskFiles, Files, file_in_directory
@@ -80,6 +81,7 @@ def load_workspace(
     metamodel: Metamodel | None = None,
     allow_unresolved: bool = False,
     overrides: Sequence[str] = (),
+    cache: ReadingCache | None = None,
 ) -> Workspace:
     """Read and check files and their imports; errors are returned in `diagnostics` of the workspace.
 
@@ -92,9 +94,11 @@ def load_workspace(
             name.
         allow_unresolved: True to drop links of EMF models to missing objects with a warning.
         overrides: settings that replace those of family files, such as "search.population=10".
+        cache: takes the results of reading, and gives those of an earlier call for files that have not changed.
     """
     with _garbage_collection_disabled():
-        loader = Loader(files or DiskFiles(), components, Metamodels(metamodel, allow_unresolved), overrides)
+        metamodels = Metamodels(metamodel, allow_unresolved)
+        loader = Loader(files or DiskFiles(), components, metamodels, overrides, cache or ReadingCache())
         for path in paths:
             loader.add_root(fspath(path) if files else bundled_file(fspath(path)))
         return loader.check_all()

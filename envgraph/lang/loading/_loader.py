@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -23,6 +23,7 @@ from envgraph.lang.loading._import_check import (
     warn_unused_files,
 )
 from envgraph.lang.loading._metamodels import Metamodels
+from envgraph.lang.loading._reading_cache import ReadingCache
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.loading._workspace_check import check_workspace, conformance_warnings
 from envgraph.lang.read._ecore_types import ECORE
@@ -72,6 +73,7 @@ class Loader:
     components: Mapping[str, Collection[str]]
     metamodels: Metamodels
     overrides: Sequence[str] = ()
+    cache: ReadingCache = field(default_factory=ReadingCache)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     files_read: dict[str, LoadedFile] = field(default_factory=dict)
@@ -202,20 +204,21 @@ class Loader:
 
     def _parse_text_file(self, file: LoadedFile, source: Source, import_: Import | None) -> Sequence[Import]:
         language = LANGUAGE_OF[file.format]
-        parsed, lexemes = parse_tokens(load_grammar(language), source)
+        parsed, names = self.cache.call(source.name, _parse_text, language, source.name, source.text)
+        file.source = parsed.source
         self.lost |= parsed.lost_names
         self.incomplete |= any(one.code == "other-language" for one in parsed.diagnostics)
         suppressions, problems = find_suppressions(parsed)
         self.suppressions += suppressions
         self.diagnostics += problems
         if language == "metamodel":
-            self.metamodels.files[source.name] = read_metamodel(parsed), import_
+            self.metamodels.files[source.name] = self.cache.call(source.name, read_metamodel, parsed), import_
             return ()
         file.parsed = parsed
         if language == "model":
             return parse_imports(parsed)
         if language == "query":
-            file.mentioned_names = frozenset(one.value for one in lexemes if one.kind == "NAME")
+            file.mentioned_names = names
         return parse_header(FileReading(parsed)).imports
 
     def _files_in(self, *languages: str) -> list[tuple[str, LoadedFile]]:
@@ -244,18 +247,15 @@ class Loader:
 
     def _read_definitions(self, file: LoadedFile, parsed: ParseResult, types: TypeNames | None) -> None:
         """Parse the definitions of a file; store them, their diagnostics, and the patterns that the file imports."""
-        found: DefinitionsFile[Any]
+        read: Callable[[ParseResult, TypeNames | None], DefinitionsFile[Any]]
         match LANGUAGE_OF[file.format]:
             case "query":
-                found = read_query(parsed, types)
+                read = read_query
             case "rules":
-                from envgraph.lang.read._rules_reader import read_rules
-
-                found = read_rules(parsed, types)
+                from envgraph.lang.read._rules_reader import read_rules as read
             case _:
-                from envgraph.lang.read._environment_reader import read_environment
-
-                found = read_environment(parsed, types)
+                from envgraph.lang.read._environment_reader import read_environment as read
+        found = self.cache.call(parsed.source.name, read, parsed, types)
         self.definitions += found.definitions
         self._record(found.diagnostics, found.lost)
         file.patterns, file.defined_names = found.header.patterns, {one.name for one in found.definitions}
@@ -316,7 +316,10 @@ class Loader:
             if metamodel is not None:
                 library = Library(metamodel)
                 library.unknown = workspace.unknown
-                workspace = replace(workspace, registration=Registration(workspace.definitions, library))
+                library.earlier = None if workspace.functions else self.cache.patterns
+                registration = Registration(workspace.definitions, library)
+                self.cache.patterns = None if workspace.functions else registration.checked_patterns
+                workspace = replace(workspace, registration=registration)
             checked = check_workspace(workspace)
             # A syntax error may hide the import beside it, so a missing metamodel is not reported for such files.
             cut = {_file_name(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
@@ -488,6 +491,12 @@ class Loader:
 
         found = dict.fromkeys(apply_suppressions(self.diagnostics, self.suppressions))
         return tuple(merge_unknown_names(sorted(found, key=key)))
+
+
+def _parse_text(language: str, name: str, text: str) -> tuple[ParseResult, frozenset[str]]:
+    """Return the parsed text of a file, and all names in it."""
+    parsed, lexemes = parse_tokens(load_grammar(language), Source(name, text))
+    return parsed, frozenset(one.value for one in lexemes if one.kind == "NAME")
 
 
 def _file_name(problem: Diagnostic) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -18,7 +18,7 @@ from envgraph.errors import (
     quote_with_article,
     sort_diagnostics,
 )
-from envgraph.metamodel import EnumType, Reference, Value
+from envgraph.metamodel import EnumType, Feature, Reference, Value
 from envgraph.pattern._analysis import PatternAnalysis, calls_of, defined_feature_name, defined_features
 from envgraph.pattern._enumerable_variables import Binding
 from envgraph.pattern._expression_data import Constant, EnumLiteral, Expression, Variable
@@ -53,20 +53,36 @@ from envgraph.pattern.check._variable_usage import UsageCheck, unreferenced_mess
 from envgraph.pattern.expressions._expression_types import check_expression
 
 
-def check_patterns(analysis: PatternAnalysis) -> tuple[list[Diagnostic], frozenset[str]]:
-    """Return all diagnostics of the new patterns of an analysis, in text order, and the patterns that cannot be added.
+def check_patterns(
+    analysis: PatternAnalysis, unchanged: Collection[str] = ()
+) -> tuple[list[Diagnostic], frozenset[str], frozenset[str]]:
+    """Return all diagnostics of the new patterns of an analysis, in text order, and two sets of qualified names.
 
-    The second result contains the qualified names of patterns with errors, and of patterns that call them or unknown
-    names.
+    The first set contains the patterns that cannot be added: those with errors, and those that call them or unknown
+    names. The second contains the patterns without problems whose check needs only the pattern and its callees.
+
+    Args:
+        analysis: the patterns.
+        unchanged: the second set of an earlier check, without patterns of which they or a callee have changed.
     """
     known = {name: entry.pattern for name, entry in analysis.known.items()}
     problems = list(check_duplicates(analysis.patterns, known))
     patterns = analysis.new_patterns
     broken: set[str] = set()
+    clean: set[str] = set()
+    unchanged, defined = frozenset(unchanged), defined_features(analysis.entries)
     for pattern in patterns:
-        found = list(_PatternCheck(analysis, pattern).problems())
+        entry = analysis.entries[pattern.qualified_name]
+        is_whole = not (pattern.mended or pattern.unknown)
+        header = list(check_header(pattern, analysis.metamodel))
+        if header or not is_whole or pattern.qualified_name not in unchanged:
+            found = _PatternCheck(analysis, pattern, defined).problems(header)
+        else:
+            found = []
         if has_errors(found):
             broken.add(pattern.qualified_name)
+        elif not found and is_whole and not entry.reads and defined_feature_name(pattern) is None:
+            clean.add(pattern.qualified_name)
         problems.extend(found)
     for one in check_recursion(patterns, analysis.entries):
         if one.severity is Severity.ERROR:
@@ -80,7 +96,7 @@ def check_patterns(analysis: PatternAnalysis) -> tuple[list[Diagnostic], frozens
         unsound = analysis.with_callers(name for name, found in untyped.items() if found)
     if not analysis.unknown:
         problems.extend(_unused_private_patterns(patterns, analysis))
-    return sort_diagnostics(dict.fromkeys(problems)), unsound
+    return sort_diagnostics(dict.fromkeys(problems)), unsound, frozenset(clean)
 
 
 def _unused_private_patterns(patterns: Sequence[Pattern], analysis: PatternAnalysis) -> Iterator[Diagnostic]:
@@ -112,13 +128,14 @@ def _untyped_parameters(pattern: Pattern, analysis: PatternAnalysis) -> Iterator
 class _PatternCheck:
     """The check of one pattern: its header, its bodies, and the types of its parameters over all bodies."""
 
-    def __init__(self, analysis: PatternAnalysis, pattern: Pattern) -> None:
+    def __init__(self, analysis: PatternAnalysis, pattern: Pattern, defined: Mapping[Feature, str]) -> None:
         self._analysis = analysis
         self._pattern = pattern
         self._metamodel = analysis.metamodel
+        self._defined = defined
 
-    def problems(self) -> list[Diagnostic]:
-        found = list(check_header(self._pattern, self._metamodel))
+    def problems(self, header: Sequence[Diagnostic]) -> list[Diagnostic]:
+        found = list(header)
         tainted = {p.name for p in self._pattern.parameters if p.type and static_type(p.type, self._metamodel) is None}
         names = Counter(p.name for p in self._pattern.parameters)
         tainted.update(name for name, count in names.items() if count > 1 or name.startswith("_"))
@@ -132,9 +149,8 @@ class _PatternCheck:
         found.extend(_merge_unreferenced(inside, len(self._pattern.bodies)))
         if not has_errors(found):
             found.extend(_check_definition(self._pattern, self._analysis))
-            defined = defined_features(self._analysis.entries)
             reads = self._analysis.entries[self._pattern.qualified_name].reads
-            found.extend(derived_feature_warning(r.feature, r.span) for r in reads if r.feature not in defined)
+            found.extend(derived_feature_warning(r.feature, r.span) for r in reads if r.feature not in self._defined)
         if not has_errors(found) and not self._pattern.mended:
             for parameter in self._pattern.parameters:
                 found.extend(self._check_parameter_type(parameter, bodies))

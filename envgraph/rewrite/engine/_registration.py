@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, sort_diagnostics
-from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
+from envgraph.pattern import CheckedPatterns, Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
 from envgraph.rewrite._rule_plan import RulePlan
 from envgraph.rewrite._signatures import CallParameter, Signature, SignatureTable
 from envgraph.rewrite.check._annotations import without_generated_names
@@ -35,6 +35,8 @@ class Registration:
         units: the checked units, in the order of the text.
         groups: names of the members of each derivation.
         directory: signatures of all definitions, including those that existed before.
+        checked_patterns: the written patterns, for a later check that need not check equal ones again; None if there
+            are none.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Registration:
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
         self.library = library
+        self.checked_patterns: CheckedPatterns | None = None
         self._erroneous = frozenset[str]()
         found = [*undeclared, *self._admit_patterns(written), *self._check_duplicates(library, directory)]
         # Warnings about generated patterns would not help the user.
@@ -118,6 +121,7 @@ class Registration:
         if not patterns:
             return []
         checked = self.library.analyse(*patterns)
+        self.checked_patterns = self.checked_patterns or checked
         self._erroneous |= checked.invalid_names
         self.library = self.library.with_valid_patterns(*patterns)
         return [without_generated_names(one) for one in checked.problems]

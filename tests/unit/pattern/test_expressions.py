@@ -412,3 +412,7 @@ def test_every_function_has_a_reference_line_and_a_source_name():
 
 def test_enum_literals_evaluate_to_their_names():
     assert evaluate(EnumLiteral("Colour", "red"), {}) == "red"
+
+
+def test_constants_of_different_types_are_different():
+    assert len({Constant(1), Constant(True), Constant(1.0), Constant(1)}) == 3

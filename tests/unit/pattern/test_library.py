@@ -194,9 +194,9 @@ def test_violations_are_constraints_with_a_message():
 def test_adding_checked_patterns_reuses_the_check(monkeypatch):
     looked_at = []
 
-    def check(analysis):
+    def check(analysis, unchanged):
         looked_at.extend(one.name for one in analysis.patterns)
-        return check_patterns(analysis)
+        return check_patterns(analysis, unchanged)
 
     monkeypatch.setattr(_library, "check_patterns", check)
     made = Library(METAMODEL)
