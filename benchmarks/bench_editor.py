@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
 from statistics import median
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -14,6 +16,14 @@ _QUESTIONS = (
     "definition", "references", "documentHighlight", "hover", "documentSymbol", "prepareRename", "rename", "completion",
     "signatureHelp", "semanticTokens/full", "foldingRange", "formatting", "codeAction",
 )  # fmt: skip
+_AT_FIRST = (
+    "semanticTokens/range",
+    "semanticTokens/full",
+    "documentLink",
+    "foldingRange",
+    "documentSymbol",
+    "formatting",
+)
 _IN_CALLS = ("completion", "signatureHelp")
 
 
@@ -29,12 +39,15 @@ FULL = Sizes(5, 1_000, 100)
 QUICK = Sizes(1, 20, 2)
 
 
-def _open(texts: dict[str, str], name: str) -> LanguageService:
+def _open(texts: dict[str, str], name: str, check: bool = True) -> LanguageService:
     service = LanguageService(lambda method, params: None, TextFiles(texts))
-    service.answer("initialize", {"workspaceFolders": [{"uri": f"{_FOLDER}.", "name": "folder"}]})
+    able = {"workspace": {"semanticTokens": {"refreshSupport": True}}}
+    folders = [{"uri": f"{_FOLDER}.", "name": "folder"}]
+    service.answer("initialize", {"workspaceFolders": folders, "capabilities": able})
     document = {"uri": _FOLDER + name, "text": texts[name], "version": 1, "languageId": ""}
     service.answer("textDocument/didOpen", {"textDocument": document})
-    service.check()
+    if check:
+        service.check()
     return service
 
 
@@ -104,8 +117,21 @@ def _answer_times(patterns: int, repeats: int) -> tuple[float, dict[str, list[fl
     return _milliseconds(start), found
 
 
+def _first_times(patterns: int) -> Iterator[tuple[str, float]]:
+    """Yield the milliseconds of each request that editors send at once for a large file that was just opened."""
+    texts = large_texts(patterns)
+    for method in _AT_FIRST:
+        changed = texts["big.query"].replace("spot", f"spot_{method[:6]}")  # no part of it is in a cache
+        service = _open(texts | {"big.query": changed}, "big.query", check=False)
+        view = {"start": {"line": 0, "character": 0}, "end": {"line": 60, "character": 0}}
+        start = perf_counter()
+        service.answer(f"textDocument/{method}", {"textDocument": {"uri": f"{_FOLDER}big.query"}, "range": view})
+        yield method, _milliseconds(start)
+
+
 def main(sizes: Sizes) -> None:
     """Print the medians and the longest times."""
+    gc.set_threshold(100_000)  # as `envgraph lsp` and `envgraph serve` do
     print("from a keystroke to the diagnostics")
     for domain in bundled_domains()[: sizes.domains]:
         times = _check_times(domain, sizes.repeats)
@@ -115,3 +141,6 @@ def main(sizes: Sizes) -> None:
     for method, times in found.items():
         print(f"  {method:20}{median(times):6.0f} ms, longest {max(times):.0f} ms")
     print(f"  {'check of all files':20}{check:6.0f} ms, in another thread")
+    print("the same file, just opened, before its first check")
+    for method, time in _first_times(sizes.patterns):
+        print(f"  {method:20}{time:6.0f} ms")

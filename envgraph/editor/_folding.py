@@ -94,7 +94,7 @@ def document_links(service: LanguageService, params: JsonObject) -> list[JsonObj
 
     document = service.document(params)
     files, links = service.edited_files(), []
-    for part in text_parts(document.source):
+    for part in (one for one in text_parts(document.source) if "import" in one.text):
         for word, path in zip(part.reading.lexemes, part.reading.lexemes[1:], strict=False):
             if word.value != "import" or path.kind != "STRING" or path.brace_depth:
                 continue

@@ -18,7 +18,8 @@ from envgraph.lang import DiskFiles, Files
 
 Notify = Callable[[str, JsonObject], None]
 """A function that sends a notification, by its method and parameters, to the editor. If the editor supports them, it
-also sends the requests "workspace/codeLens/refresh" and "client/registerCapability", whose answers do not matter."""
+also sends the requests "workspace/codeLens/refresh", "workspace/semanticTokens/refresh" and
+"client/registerCapability", whose answers do not matter."""
 
 METHODS: Final[Mapping[str, str]] = {
     "initialize": "_synchronisation:initialize",
@@ -70,7 +71,9 @@ class LanguageService:
         files: where files that are not open are read from.
         folders: the names of the open folders; their files are checked together.
         documents: the open documents, by URI.
-        refreshes_lenses, watches_files: True if the editor can ask for lenses again, and report changed files.
+        refreshes_lenses, refreshes_tokens: True if the editor can be asked to request lenses or semantic tokens again.
+        watches_files: True if the editor can report changed files.
+        partial_tokens: the names of documents of which not all semantic tokens were sent.
     """
 
     def __init__(self, notify: Notify, files: Files | None = None) -> None:
@@ -84,7 +87,9 @@ class LanguageService:
         self.files: Files = files or DiskFiles()
         self.folders: tuple[str, ...] = ()
         self.documents: dict[str, Document] = {}
-        self.refreshes_lenses = self.watches_files = False
+        self.refreshes_lenses = self.refreshes_tokens = self.watches_files = False
+        self.partial_tokens: set[str] = set()
+        self._parsed: frozenset[str] = frozenset()
         self._results: dict[tuple[str, ...], CheckResult] = {}
         self._stale: dict[tuple[str, ...], None] = {}
         self._uncounted: dict[tuple[str, ...], None] = {}
@@ -140,6 +145,10 @@ class LanguageService:
         """Return all files, with the texts of the open documents in place of those that were saved."""
         return with_texts(self.files, {one.source.name: one.source.text for one in self.documents.values()})
 
+    def is_parsed(self, name: str) -> bool:
+        """Return True if a check has parsed all of an open document, so that an edit costs the parse of one part."""
+        return name in self._parsed
+
     # --- checks ---
 
     def roots_of(self, name: str) -> tuple[str, ...]:
@@ -183,7 +192,11 @@ class LanguageService:
 
     def record(self, job: CheckJob | CountJob, result: CheckResult | MatchCounts | None) -> None:
         """Keep the result of a job. Send the diagnostics of a check unless a newer check of these files waits."""
-        if isinstance(result, CheckResult):
+        if isinstance(job, CheckJob) and isinstance(result, CheckResult):
+            self._parsed |= {one.name for one in job.open_texts}
+            if self.partial_tokens & self._parsed:
+                self.partial_tokens -= self._parsed
+                self.notify("workspace/semanticTokens/refresh", {})
             self._keep(job.roots, result)
             self._uncounted[job.roots] = None
             if job.roots not in self._stale and job.roots in self._open_roots():
@@ -240,5 +253,6 @@ class LanguageService:
 
     def close(self, name: str) -> None:
         """Forget a document that was closed, and remove the diagnostics of files that no open document needs."""
+        self._parsed -= {name}
         self._published.keep_only(self._open_roots())
         self.mark_stale(name)

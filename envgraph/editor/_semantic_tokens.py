@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _LEXEME_KINDS = {"STRING": "string", "TEXT": "string", "INT": "number", "FLOAT": "number", "LONG": "number"}
 _COMMENT = re.compile(r"//[^\r\n]*|/\*[\s\S]*?(?:\*/|\Z)")
+_FIRST_CHARACTERS = 20_000
+"""Characters of a document whose tokens are sent before its first check, which parses the rest in another thread."""
 _LINE_BREAK = re.compile(r"\r?\n")
 
 
@@ -28,9 +30,18 @@ class ColouredPiece(NamedTuple):
 
 
 def semantic_tokens(service: LanguageService, params: JsonObject) -> JsonObject:
-    """Return the tokens of a document: five numbers for each, relative to the token before."""
+    """Return the tokens of a document: five numbers for each, relative to the token before.
+
+    Before the first check of a large document, these are the tokens of its beginning. The editor asks again after it.
+    """
     document = service.document(params)
-    return {"data": encode_tokens(document, text_parts(document.source))}
+    parts = text_parts(document.source)
+    if service.refreshes_tokens and not service.is_parsed(document.source.name):
+        first = [one for one in parts if one.start < _FIRST_CHARACTERS]
+        if len(first) < len(parts):
+            service.partial_tokens.add(document.source.name)
+            parts = tuple(first)
+    return {"data": encode_tokens(document, parts)}
 
 
 def semantic_tokens_in_range(service: LanguageService, params: JsonObject) -> JsonObject:

@@ -23,6 +23,7 @@ def initialize(service: LanguageService, params: JsonObject) -> JsonObject:
     service.folders = tuple(service.name_of(uri) for uri in uris)
     workspace = params.get("capabilities", {}).get("workspace") or {}
     service.refreshes_lenses = bool((workspace.get("codeLens") or {}).get("refreshSupport"))
+    service.refreshes_tokens = bool((workspace.get("semanticTokens") or {}).get("refreshSupport"))
     service.watches_files = bool((workspace.get("didChangeWatchedFiles") or {}).get("dynamicRegistration"))
     return {"capabilities": CAPABILITIES, "serverInfo": {"name": "envgraph", "version": __version__}}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,7 @@ def serve(
         )
         announce(f"{target.title}: {address}")
         announce("Ctrl-C stops the server")
+        gc.set_threshold(100_000)  # as in `serve_stdio`
         if browser:
             import webbrowser
 

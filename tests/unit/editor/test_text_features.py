@@ -106,6 +106,25 @@ def test_text_with_mistakes_is_coloured_as_far_as_it_is_understood() -> None:
     ]  # fmt: skip
 
 
+def test_the_rest_of_a_large_text_is_coloured_after_its_first_check() -> None:
+    sent: list[str] = []
+    service = LanguageService(lambda method, params: sent.append(method), TextFiles({}))
+    service.answer("initialize", {"capabilities": {"workspace": {"semanticTokens": {"refreshSupport": True}}}})
+    text = "".join(f"pattern p{one}(x : A, y : A) {{ A(x); A(y); }}\n" for one in range(1_000))
+    document = {"uri": "memory:///a.query", "text": text, "version": 1, "languageId": ""}
+    service.answer("textDocument/didOpen", {"textDocument": document})
+    first = ask(service, "semanticTokens/full")["data"]
+    assert "workspace/semanticTokens/refresh" not in sent
+    service.check()
+    assert sent.count("workspace/semanticTokens/refresh") == 1
+    whole = ask(service, "semanticTokens/full")["data"]
+    assert 0 < len(first) < len(whole) / 2
+    assert whole[: len(first)] == first
+    assert len(coloured(service, whole)) == 1_000 * len(
+        coloured(opened(text[:40]), ask(opened(text[:40]), "semanticTokens/full")["data"])
+    )
+
+
 def test_the_tokens_of_a_range_are_those_of_its_definitions() -> None:
     service = opened("pattern a(x : A) { A(x); }\n\npattern b(x : B) { B(x); }\n")
     all_tokens = coloured(service, ask(service, "semanticTokens/full")["data"])
