@@ -192,7 +192,8 @@ class LanguageService:
 
     def record(self, job: CheckJob | CountJob, result: CheckResult | MatchCounts | None) -> None:
         """Keep the result of a job. Send the diagnostics of a check unless a newer check of these files waits."""
-        if isinstance(job, CheckJob) and isinstance(result, CheckResult):
+        if isinstance(result, CheckResult):
+            assert isinstance(job, CheckJob)
             self._parsed |= {one.name for one in job.open_texts}
             if self.partial_tokens & self._parsed:
                 self.partial_tokens -= self._parsed
