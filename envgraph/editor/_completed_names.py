@@ -163,9 +163,7 @@ class _NameOffers:
         elif rules & {"_object", "entry", "legend_entry"} or ("value" in rules and self._before == ":"):
             yield from self._classes(self._is_concrete)
         elif "part" in rules or self._before == "next":
-            attributes = [one for one in (metamodel.attributes if metamodel else ()) if one.type is Scalar.INT]
-            references = metamodel.references if metamodel else ()
-            yield from _feature_names(references if self._before == "next" else attributes)
+            yield from _feature_names(self._coordinates(is_next=self._before == "next"))
         elif self._before == "table":
             yield from self._classes(self._is_concrete)
         elif "=" in signs and not rules:
@@ -216,6 +214,7 @@ class _NameOffers:
             if allows(cls.name):
                 detail = "abstract class" if cls.abstract else "class"
                 yield simple_name(cls.name), "class", detail, cls.doc, "", False
+        yield from self._unread_types("class")
 
     def _is_concrete(self, name: str) -> bool:
         metamodel = self._definitions.metamodel
@@ -224,6 +223,14 @@ class _NameOffers:
     def _enums(self) -> Iterator[OfferedName]:
         for enum in self._definitions.metamodel.enum_types if self._definitions.metamodel else ():
             yield simple_name(enum.name), "enum", ", ".join(enum.literals), enum.doc, "", False
+        yield from self._unread_types("enum")
+
+    def _unread_types(self, kind: str) -> Iterator[OfferedName]:
+        """Yield the types of a metamodel with errors that are not in the last metamodel without errors."""
+        metamodel = self._definitions.metamodel
+        for name in self._definitions.written_types(kind) if self._cursor.language == "metamodel" else ():
+            if metamodel is None or not metamodel.full_names(name):
+                yield name, kind, kind, None, "", False
 
     def _types(self) -> Iterator[OfferedName]:
         """Yield the names of classes; for the type of a parameter, also those of enums and data types."""
@@ -359,6 +366,17 @@ class _NameOffers:
         for one in self._cursor.reading.names():
             if one.kind in ("parameter", "variable") and one.name != "_" and one.start >= end:
                 yield one.name, "variable", "", None, "", False
+
+    def _coordinates(self, is_next: bool) -> Iterator[Feature]:
+        """Yield the whole numbers or, after `next`, the single references of the classes in the legend of a grid."""
+        lexemes = self._cursor.lexemes[: self._cursor.index]
+        start = max((place for place, one in enumerate(lexemes) if one.value == "grid"), default=0)
+        named = (after.value for one, after in pairwise(lexemes[start:]) if one.value == "=")
+        for cls in dict.fromkeys(self._definitions.find_class(one) for one in named):
+            for one in self._definitions.features(cls).values():
+                is_wanted = is_next if isinstance(one, Reference) else not is_next and one.type is Scalar.INT
+                if is_wanted and not one.many:
+                    yield one
 
     def _model_values(self) -> Iterator[OfferedName]:
         """Yield the values of the feature before `=` or of the column of a table: objects, literals or classes."""

@@ -11,7 +11,8 @@ from envgraph.editor._completed_names import offered_names
 from envgraph.editor._cursors import Cursor, cursor_at
 from envgraph.editor._documents import Document, JsonObject
 from envgraph.editor._family_completion import complete_family
-from envgraph.editor._scopes import Definitions
+from envgraph.editor._scopes import Definitions, Scope
+from envgraph.editor._wanted_values import WantedValue
 from envgraph.errors import WARNING_CODES
 from envgraph.lang import Files
 from envgraph.metamodel import SUPPRESS
@@ -74,7 +75,8 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     if states is None:
         return []
     offers = [Offer(*one) for one in offered_names(cursor, states, definitions)]
-    offers += offered_keywords(cursor, states)
+    wanted = WantedValue(cursor, definitions, Scope(definitions, cursor))
+    offers += [one for one in offered_keywords(cursor, states) if not wanted.excludes(one.label)]
     unique = {(one.label, one.kind): one for one in reversed(offers)}
     return [_item(document, cursor.start, cursor.end, one) for one in reversed(unique.values())]
 
@@ -110,6 +112,8 @@ def offered_keywords(cursor: Cursor, states: list[int]) -> Iterator[Offer]:
         # `or` between bodies and `as` in imports are keywords; the others are operators of other languages.
         if (word == "or" and grammar.accepts(after, "INT")) or (word == "as" and _is_cast(cursor, after)):
             continue
+        if word == "metamodel" and (cursor.part_start or cursor.index):
+            continue  # It is accepted behind the header only to report it.
         yield Offer(word, "keyword")
 
 

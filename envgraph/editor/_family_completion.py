@@ -150,7 +150,9 @@ def _values(place: _TomlPlace, key: str, definitions: Definitions) -> Iterable[t
         return [(one, "value", "", None) for one in COMPONENTS[_COMPONENT_TABLES[f"{place.table}.{key}"]]]
     if role is not None and key in ("kind", "name"):
         return [(one, "value", role, None) for one in COMPONENTS[role]]
-    patterns = [(one.name, "function", one.label, one.doc) for one in definitions.patterns.values()]
+    is_path = role == "measure" and MEASURE_OPTIONS.get(place.kind, {}).get(key) == "path"
+    callable_ = [one for one in definitions.patterns.values() if not is_path or len(one.parameters) == 2]
+    patterns = [(one.name, "function", one.label, one.doc) for one in callable_]
     if role == "measure":
         return _measure_values(MEASURE_OPTIONS.get(place.kind, {}).get(key, ""), definitions, patterns)
     if place.table == "constraints" and key in ("require", "forbid", "count"):

@@ -9,7 +9,9 @@ from functools import cached_property
 from envgraph.code import dataclass
 from envgraph.editor._checked_files import CheckResult
 from envgraph.editor._cursors import Cursor, split_arguments
-from envgraph.lang import Lexeme, PartReading
+from envgraph.editor._mentions import mentions_of
+from envgraph.errors import Source
+from envgraph.lang import Lexeme, PartReading, text_parts
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name, type_name
 from envgraph.pattern import Derivation, Pattern, Rule, Unit, type_text
 
@@ -56,6 +58,13 @@ class Definitions:
         self.workspace = checked.workspace
         self.metamodel = checked.metamodel
         self._file = file
+
+    def written_types(self, kind: str) -> Iterator[str]:
+        """Yield the classes ("class") or enums ("enum") that the text of the file defines, also if it has errors."""
+        source = Source(self._file, self.workspace.sources.get(self._file, ""))
+        for one in (one for part in text_parts(source) for one in mentions_of(part).definitions):
+            if one.kind == "class" and one.scope is not None and one.scope.name == f"{kind} {one.text}":
+                yield one.text
 
     @cached_property
     def patterns(self) -> Mapping[str, Signature]:

@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 from envgraph.editor._cursors import Cursor, split_arguments
-from envgraph.editor._scopes import Definitions, Scope
-from envgraph.metamodel import Feature
+from envgraph.editor._scopes import Definitions, Scope, attribute_type
+from envgraph.metamodel import Feature, Reference, Scalar
+
+_TRUTH = ("true", "false")
+_PLACES = ("grid", "table")
+_AGGREGATES = ("avg", "count", "max", "min", "sum")
+_SCALARS = frozenset(one.value for one in Scalar)
 
 
 class WantedValue:
@@ -57,6 +62,21 @@ class WantedValue:
         if cls is None:
             return ""
         return [cls, self._definitions.type_of_path(cls, path)][min(call.position, 1)] if path else cls
+
+    def excludes(self, keyword: str) -> bool:
+        """Return True if a keyword begins a value, but no value of the type that can be here."""
+        if self._cursor.language == "metamodel":
+            declared = self._cursor.before(3).value
+            return keyword in _TRUTH and (self._cursor.before().value != "=" or declared not in ("bool", "]"))
+        feature = self.feature() if self._cursor.language == "model" else None
+        if isinstance(feature, Reference):
+            return keyword in _TRUTH or (keyword in _PLACES and not feature.containment)
+        if feature is not None and keyword in _PLACES:
+            return True
+        type_ = attribute_type(feature) if feature is not None else self.type()
+        is_known = type_ in _SCALARS or self._definitions.is_class(type_) or bool(self._definitions.find_enum(type_))
+        wanted = {"bool"} if keyword in _TRUTH else {"int", "float"} if keyword in _AGGREGATES else {type_}
+        return is_known and type_ not in wanted
 
     def block_features(self) -> tuple[Mapping[str, Feature], int | None]:
         """Return the features of the object whose block the cursor is in, and the index of the block's `{`."""

@@ -383,6 +383,9 @@ class Recovery:
                     continue
             end = self._lexemes[index].end
             self._stack.read_token(brace, Lexeme(PUNCTUATION, "}", end, end), index)
+            self._stack.brace_depth -= 1  # so that the closed block is not skipped
+            if self._grammar.accepts(self._stack.states, END):
+                return index
         return None
 
     def _skip_statement(self, index: int) -> int | None:

@@ -140,7 +140,7 @@ def test_only_names_that_fit_are_offered_in_queries(text: str, names: list[str])
         ("lhs { box <-|- other; }", ["inner", "outer"]),
         ("lhs { box -inner-> other : Box { we| } }", ["size", "weight", "inner", "outer", "label"]),
         ("lhs { box -label-> tag; } modify { set tag.| }", ["text"]),
-        ("lhs { box -label-> tag; } modify { retype |", ["box", "tag"]),
+        ("lhs { box -label-> tag; } modify { retype |", ["tag", "box"]),
         ("lhs { box : Box; } not { box -label-> tag; } modify { retype |", ["box"]),
     ],
 )
@@ -383,3 +383,47 @@ def test_damaged_texts_raise_no_exception() -> None:
 @AT_NIGHT
 def test_many_damaged_texts_raise_no_exception() -> None:
     check_damaged_texts(1000, seed=2)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "offered"),
+    [
+        ("a.query", body("Box.inner(box, other);") + "\npattern q(box : Box) {\n    Box(box);\n    find |", "p"),
+        ("a.rules", rule("lhs { box : Box; }") + "\nrule s {\n    lhs { x : Box; }\n    modify { set |", "x"),
+    ],
+)
+def test_definitions_before_an_unfinished_end_of_the_file_are_offered(name: str, text: str, offered: str) -> None:
+    assert offered in writing(name).names(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("class C extends |", ["B", "D"]),
+        ("class C {\n    contains |", ["B", "D", "C"]),
+        ("class C {\n    |", ["E", "bool", "float", "int", "string"]),
+    ],
+)
+def test_types_of_an_unfinished_metamodel_are_offered(text: str, names: list[str]) -> None:
+    begin = "metamodel a\n\nenum E { one }\n\nclass B { refers Later[*] later }\n\nabstract class D\n\n"
+    assert sorted(writing("a.metamodel").names(begin + text)) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "keywords"),
+    [
+        ("a.query", body("Box.inner(box, |"), {"none"}),
+        ("a.query", body("Box.size(box, |"), {"none"}),
+        ("a.query", body("Box.weight(box, n); n == |"), {"none", "count", "sum"}),
+        ("a.query", body("check(|"), {"true", "false", "none"}),
+        ("a.metamodel", "metamodel a\nclass B {\n    int n = |", set()),
+        ("a.metamodel", "metamodel a\nclass B {\n    bool n = |", {"true", "false"}),
+        ("a.metamodel", "metamodel a\n@key(|", set()),
+        ("a.model", 'import "shop.metamodel"\nmodel a : shop {\n    b : Box { size = |', {"none"}),
+        ("a.model", 'import "shop.metamodel"\nmodel a : shop {\n    b : Box { label = |', {"none"}),
+        ("a.model", 'import "shop.metamodel"\nmodel a : shop {\n    b : Box { inner = |', {"none", "grid", "table"}),
+    ],
+)
+def test_values_of_other_types_are_not_offered(name: str, text: str, keywords: set[str]) -> None:
+    values = {"true", "false", "none", "grid", "table", "count", "sum"}
+    assert keywords == {label for label, one in writing(name).offers(text).items() if one["kind"] == _KEYWORD} & values
