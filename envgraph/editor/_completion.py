@@ -26,6 +26,8 @@ _KINDS: Final = {
 }  # fmt: skip
 """The numbers of the kinds of offers in the protocol."""
 _RANKS: Final = {"variable": 1, "property": 1, "reference": 1, "literal": 1, "keyword": 3}
+_LATE_KEYWORDS: Final = frozenset({"avg", "count", "eval", "false", "max", "min", "none", "package", "sum", "true"})
+"""Keywords that are offered after the others: few statements begin with a value, and few files have a package."""
 _SNIPPET: Final = 2
 _REFUSED_KEYWORDS: Final = frozenset({"and", "TRUE", "FALSE", "java", "instanceof", "unwind"})
 """Keywords that the grammars accept only to report them, or that have no effect."""
@@ -70,7 +72,7 @@ def complete(service: LanguageService, params: JsonObject) -> list[JsonObject]:
     if cursor is None:
         return []
     if cursor.string is not None:
-        return [*_complete_string(document, cursor, service.edited_files())]
+        return [*_complete_string(document, cursor, definitions, service.edited_files())]
     states = cursor.reading.states_before(cursor.lexemes[cursor.index].start)
     if states is None:
         return []
@@ -85,7 +87,7 @@ def _item(document: Document, start: int, end: int, offer: Offer) -> JsonObject:
     made: JsonObject = {
         "label": offer.label,
         "kind": _KINDS[offer.kind],
-        "sortText": f"{_RANKS.get(offer.kind, 2)}{offer.label}",
+        "sortText": f"{4 if offer.label in _LATE_KEYWORDS else _RANKS.get(offer.kind, 2)}{offer.label}",
         "filterText": offer.label,
         "textEdit": {
             "range": document.range(document.source.span_between(start, end)),
@@ -121,10 +123,15 @@ def _is_cast(cursor: Cursor, after: list[int]) -> bool:
     return cursor.reading.grammar.accepts(after, "NAME") and cursor.before(2).value != "import"
 
 
-def _complete_string(document: Document, cursor: Cursor, files: Files) -> Iterator[JsonObject]:
-    """Yield what can be written in a string: the path of an import, or the code of a warning to suppress."""
+def _complete_string(
+    document: Document, cursor: Cursor, definitions: Definitions, files: Files
+) -> Iterator[JsonObject]:
+    """Yield what can be written in a string: the path or URI of an import, or the code of a warning to suppress."""
     if cursor.before().value == "import":
         yield from _complete_path(document, cursor, files)
+        for package in definitions.metamodel.packages if definitions.metamodel else ():
+            if "://" in package.uri:
+                yield _item(document, cursor.start, cursor.end, Offer(package.uri, "value", package.path))
     call = cursor.call()
     if call is not None and [one.value for one in cursor.lexemes[call.opening - 2 : call.opening]] == ["@", SUPPRESS]:
         for code in sorted(WARNING_CODES):

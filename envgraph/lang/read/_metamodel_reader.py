@@ -252,7 +252,9 @@ class _MetamodelReader(FileReading):
             self.error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers"]
-        turned = f"write the type first: `{name}{bounds} {token}`" if name in known else None
+        # The next line may begin with a keyword that was read as the name of an unfinished attribute.
+        is_turned = name in known and "\n" not in self.parsed.source.text[token.end_pos : name.start_pos]
+        turned = f"write the type first: `{name}{bounds} {token}`" if is_turned else None
         advice = turned or data_type_hint(token) or name_hint(token, known)
         self.error("unknown-type", f"unknown type `{token}`", token, advice)
         return None

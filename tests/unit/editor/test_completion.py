@@ -427,3 +427,20 @@ def test_types_of_an_unfinished_metamodel_are_offered(text: str, names: list[str
 def test_values_of_other_types_are_not_offered(name: str, text: str, keywords: set[str]) -> None:
     values = {"true", "false", "none", "grid", "table", "count", "sum"}
     assert keywords == {label for label, one in writing(name).offers(text).items() if one["kind"] == _KEYWORD} & values
+
+
+@pytest.mark.parametrize(
+    ("text", "word"), [(body("f|"), "find"), (body("n|"), "neg"), (body("c|"), "check"), ("p|", "pattern")]
+)
+def test_keywords_that_begin_statements_are_first(text: str, word: str) -> None:
+    offers = [one for one in writing("a.query").offers(text).values() if one["label"].startswith(word[0])]
+    assert min(offers, key=lambda one: one["sortText"])["label"] == word
+
+
+def test_uris_of_ecore_packages_are_offered_in_imports() -> None:
+    """The URI is that of the package, as VIATRA imports it."""
+    source = Path(__file__).parents[2] / "golden" / "shared" / "library.ecore"
+    texts = {"library.ecore": source.read_text(encoding="utf-8"), "old.vql": 'import "library.ecore"\n'}
+    labels = [*Writer("a.vql", texts).offers('import "|"\n')]
+    assert "library.ecore" in labels
+    assert any("://" in one for one in labels)
