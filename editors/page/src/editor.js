@@ -1,6 +1,6 @@
 // The text editor: one view, a state for each file, and the language server behind it.
 
-import { closeBrackets, closeBracketsKeymap, completionKeymap } from "@codemirror/autocomplete";
+import { acceptCompletion, closeBrackets, closeBracketsKeymap, completionKeymap } from "@codemirror/autocomplete";
 import { defaultKeymap, history, historyKeymap, indentWithTab } from "@codemirror/commands";
 import { bracketMatching, indentUnit } from "@codemirror/language";
 import { lintGutter, lintKeymap, setDiagnostics } from "@codemirror/lint";
@@ -11,7 +11,7 @@ import {
 import { search, searchKeymap } from "@codemirror/search";
 import { ChangeSet, EditorState } from "@codemirror/state";
 import { drawSelection, EditorView, highlightActiveLine, keymap, lineNumbers } from "@codemirror/view";
-import { highlighting, languageOf } from "./language.js";
+import { highlighting, indentation, languageOf } from "./language.js";
 
 /** @typedef {import("./types.js").TextFile} TextFile @typedef {import("./types.js").Diagnostic} Diagnostic */
 
@@ -150,12 +150,13 @@ export class TextEditor {
       doc: file.text,
       extensions: [
         lineNumbers(), lintGutter(), history(), drawSelection(), bracketMatching(), closeBrackets(), highlightActiveLine(), search(),
-        indentUnit.of("    "), languageOf(file.language), highlighting, theme,
+        indentUnit.of("    "), indentation, languageOf(file.language), highlighting, theme,
         EditorView.contentAttributes.of({ "aria-label": `${file.name}. Escape, then Tab, leaves the editor.`, tabindex: "0" }),
         this.client.plugin(file.uri, file.language),
         keymap.of([
           { key: "Mod-s", preventDefault: true, run: () => (this.callbacks.save(), true) },
-          ...closeBracketsKeymap, ...defaultKeymap, ...searchKeymap, ...historyKeymap, ...completionKeymap, ...lintKeymap, indentWithTab,
+          ...closeBracketsKeymap, ...defaultKeymap, ...searchKeymap, ...historyKeymap, ...completionKeymap, ...lintKeymap,
+          { key: "Tab", run: acceptCompletion }, indentWithTab,
         ]),
         EditorView.updateListener.of((update) => update.docChanged && this.textChanged()),
       ],

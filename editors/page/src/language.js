@@ -1,6 +1,6 @@
-// Highlighting: words, numbers, texts and comments. The language server knows the rest.
+// Highlighting: words, numbers, texts and comments; indentation of new lines. The language server knows the rest.
 
-import { HighlightStyle, StreamLanguage, syntaxHighlighting } from "@codemirror/language";
+import { HighlightStyle, indentService, StreamLanguage, syntaxHighlighting } from "@codemirror/language";
 import { tags } from "@lezer/highlight";
 
 /** @typedef {{block: "" | "*\/" | '"""' | "'''"}} Inside */
@@ -50,6 +50,15 @@ const tokenizer = (isToml, keywords) => ({
 
 /** Return the highlighting of a language. @param {string} language */
 export const languageOf = (language) => StreamLanguage.define(tokenizer(language === "toml", new Set(GRAMMAR_KEYWORDS[language])));
+
+/** A new line is as far in as the line before it, or one unit more behind an open bracket. */
+export const indentation = indentService.of((context, place) => {
+  if (context.simulatedBreak === null) return null; // the line exists already: leave it to Format
+  const line = context.state.doc.lineAt(place);
+  const before = line.text.slice(0, place - line.from);
+  const isInside = /[([{]\s*$/.test(before) && !/^\s*[)\]}]/.test(context.textAfterPos(place));
+  return before.length - before.trimStart().length + (isInside ? context.unit : 0);
+});
 
 const style = (/** @type {string} */ name) => `var(--code-${name})`;
 

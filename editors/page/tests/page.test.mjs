@@ -112,8 +112,15 @@ test("completion, hover and rename answer in the editor", async () => {
   await type(tab, "\npattern here(spot : Flo");
   await tab.keyboard.press("Control+Space");
   await tab.locator(".cm-tooltip-autocomplete li", { hasText: "Floor" }).first().waitFor();
+  await tab.waitForTimeout(150); // CodeMirror ignores keys in the first moments of a list
+  await tab.keyboard.press("Tab");
+  await tab.keyboard.type(") {");
+  await tab.keyboard.press("Enter");
+  await tab.keyboard.type("x");
+  await tab.locator(".cm-line", { hasText: "pattern here(spot : Floor) {" }).waitFor();
+  assert.match(await tab.locator(".cm-content").innerText(), /pattern here\(spot : Floor\) \{\n {4}x\n\}/);
   await tab.keyboard.press("Escape");
-  await tab.keyboard.press("Control+z");
+  for (let count = 0; count < 9; count += 1) await tab.keyboard.press("Control+z");
   await tab.keyboard.press("Control+Home");
   await tab.locator(".cm-content").getByText("Cell", { exact: true }).first().hover();
   await tab.locator(".cm-lsp-hover-tooltip").waitFor();
