@@ -63,7 +63,9 @@ def _model(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | 
 
 def _object(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
     """Add an object: `name : Class { .. }` or `Class { .. }`."""
-    *names, cls = names_in(tree)
+    *names, cls = names_in(tree) or [None]
+    if cls is None:
+        return  # An arrow of a rule without a name, such as `a -> b`.
     for name in names:
         finder.add("object", name, scope, tree)
     finder.add("class", cls, scope)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from pathlib import Path
 from random import Random
 
 import pytest
 
 from envgraph.editor._language_service import METHODS
-from envgraph.errors import EnvgraphError
-from envgraph.lang import bundled_domains
+from envgraph.editor._mentions import mentions_of
+from envgraph.errors import EnvgraphError, Source
+from envgraph.lang import bundled_domains, language_of, text_parts
 from tests.editing import MEMORY, Editor, domain_texts
 from tests.profile import NIGHTLY
 
@@ -80,3 +82,13 @@ def test_positions_after_the_end_are_moved_to_the_end() -> None:
     editor.change(MEMORY + "a.metamodel", {"range": wide, "text": ";"})
     assert editor.service.documents[MEMORY + "a.metamodel"].source.text == "metamodel a;\r\nclass B { int size }"
     assert editor.codes(MEMORY + "a.metamodel") == []
+
+
+def test_names_are_found_in_all_texts_with_mistakes() -> None:
+    """The golden tests have a text for each mistake that people make."""
+    golden = Path(__file__).parents[2] / "golden"
+    names = [one for one in sorted(golden.rglob("*")) if one.is_file() and language_of(one.name)]
+    for one in names:
+        for part in text_parts(Source(one.name, one.read_text(encoding="utf-8"))):
+            mentions_of(part)
+    assert len(names) > 100
