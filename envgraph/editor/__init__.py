@@ -19,5 +19,10 @@ if TYPE_CHECKING:
     from envgraph.editor._open_files import EditedFiles as EditedFiles
     from envgraph.editor._preview import why_not_text as why_not_text
     from envgraph.editor._stdio_server import serve_stdio as serve_stdio
+    from envgraph.editor._stoppable_call import (
+        StoppableCall as StoppableCall,
+        StoppedError as StoppedError,
+        TookTooLongError as TookTooLongError,
+    )
 
 export_lazily(globals())

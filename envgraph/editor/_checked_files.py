@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from envgraph.code import dataclass
 from envgraph.editor._mentions import mentions_of
@@ -57,8 +57,10 @@ class CheckJob:
         files: all files, as they were when the job was made.
         open_texts: the texts of the open documents. Their names are found first, so that requests need not wait.
         last: the result of the last check of these paths.
+        seconds: None, because checks always end.
     """
 
+    seconds: ClassVar = None
     roots: tuple[str, ...]
     files: Files
     open_texts: tuple[Source, ...] = ()

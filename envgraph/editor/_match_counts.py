@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from time import monotonic
-from typing import Final
+from typing import ClassVar, Final
 
 from envgraph.code import dataclass
 from envgraph.editor._checked_files import CheckResult
+from envgraph.editor._stoppable_call import StoppedError
 from envgraph.errors import EnvgraphError
 from envgraph.graph import Model
 from envgraph.lang import ModelText, Workspace
 from envgraph.rewrite import Engine
 
 _SECONDS: Final = 0.5
-"""Time for all counts of some files; what is not counted then has no number. A single count ends after about a second,
-at the limit on matches."""
+"""Time for all counts of some files; what is not counted then has no number."""
 _MOST_OBJECTS: Final = 5_000
 """Objects of a model in which matches are counted."""
 
@@ -61,10 +61,12 @@ class CountJob:
     Attributes:
         roots: the paths of the check.
         result: the result of the check.
+        seconds: the time after which the owner of the connection stops a single count that takes very long.
     """
 
     roots: tuple[str, ...]
     result: CheckResult
+    seconds: ClassVar = 3.0
 
     def run(self) -> MatchCounts | None:
         """Return the numbers; None if there is no model in which to count."""
@@ -83,4 +85,6 @@ class CountJob:
                 numbers[name] = engine.count(name, applicable=True) if is_rule else engine.count(name)
             except EnvgraphError:
                 continue  # It has too many matches, or cannot be counted without arguments.
+            except StoppedError:
+                break
         return MatchCounts(engine.model.name, numbers)

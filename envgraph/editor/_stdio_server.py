@@ -9,12 +9,16 @@ import logging
 import sys
 import threading
 from collections import deque
+from functools import partial
 from typing import Any, Final
 
 from pygls.io_ import StdinAsyncReader, StdoutWriter, run_async
 
+from envgraph.editor._checked_files import CheckResult
 from envgraph.editor._documents import JsonObject
 from envgraph.editor._language_service import METHODS, LanguageService
+from envgraph.editor._match_counts import MatchCounts
+from envgraph.editor._stoppable_call import StoppableCall, StoppedError
 from envgraph.errors import EnvgraphError
 
 _LOG: Final = logging.getLogger("envgraph.editor")
@@ -22,6 +26,10 @@ _PAUSE: Final = 0.02
 """Seconds after the last change before files are checked."""
 _INVALID_REQUEST, _METHOD_NOT_FOUND, _INTERNAL_ERROR = -32600, -32601, -32603
 _NOT_INITIALIZED, _CANCELLED, _FAILED = -32002, -32800, -32803
+_MATCHING: Final = ("envgraph/preview", "envgraph/whyNot")
+"""Methods that search for matches, or draw a model; others only read texts."""
+_LONGEST: Final = 10.0
+"""Seconds after which such a request is stopped, because others wait for it."""
 _SERVER_REQUESTS: Final = (
     "workspace/codeLens/refresh",
     "workspace/semanticTokens/refresh",
@@ -103,13 +111,22 @@ class _EditorConnection:
         error = self._refusal(method, id_)
         result = None
         if error is None:
+            call = StoppableCall[Any](partial(self._service.answer, method, message.get("params") or {}))
+            timer = threading.Timer(_LONGEST, call.stop)
             try:
-                result = self._service.answer(method, message.get("params") or {})
+                if method in _MATCHING:
+                    timer.start()
+                result = call()
+            except StoppedError:
+                reason = f"this took more than {_LONGEST:g} s; connect the variables of the pattern by links"
+                error = {"code": _FAILED, "message": reason}
             except EnvgraphError as problem:
                 error = {"code": _FAILED, "message": str(problem)}
             except Exception as problem:  # the editor must not lose the connection
                 _LOG.exception("%s failed", method)
                 error = {"code": _INTERNAL_ERROR, "message": f"internal error: {type(problem).__name__}: {problem}"}
+            finally:
+                timer.cancel()
         if method == "initialize" and error is None:
             self._state = "open"
         elif method == "shutdown" and error is None:
@@ -143,7 +160,8 @@ class _EditorConnection:
             job = self._service.next_job()
             if job is not None:
                 try:
-                    self._service.record(job, await asyncio.to_thread(job.run))
+                    call = StoppableCall[CheckResult | MatchCounts | None](job.run)
+                    self._service.record(job, await call.run_in(None, job.seconds))
                 except Exception:  # an error in a check must not end all later checks
                     _LOG.exception("the check of %s failed", ", ".join(job.roots))
                 self._changed.set()

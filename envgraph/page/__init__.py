@@ -11,6 +11,6 @@ if TYPE_CHECKING:
     from envgraph.page._play_session import PlaySession as PlaySession
     from envgraph.page._serve import serve as serve
     from envgraph.page._targets import Target as Target, find_target as find_target
-    from envgraph.page._work import StoppedError as StoppedError, Work as Work
+    from envgraph.page._work import Work as Work
 
 export_lazily(globals())

@@ -6,8 +6,9 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from envgraph.editor import StoppedError, TookTooLongError
 from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, Span
-from envgraph.page._work import JsonObject, StoppedError
+from envgraph.page._work import JsonObject
 
 PARSE_ERROR, INVALID_REQUEST, UNKNOWN_METHOD, INVALID_PARAMS, INTERNAL, REFUSED, STOPPED = (
     -32700,
@@ -31,8 +32,11 @@ def error_object(error: BaseException, locate: Locate, code: int | None = None) 
 
     The page is not shown the traceback of an unexpected exception; it is written to the log.
     """
+    if isinstance(error, TookTooLongError):
+        advice = "connect the variables of patterns and rules by links, so that fewer combinations are tried"
+        return {"code": STOPPED, "message": "this took too long, and was stopped", "hint": advice, "spans": []}
     if isinstance(error, StoppedError):
-        return {"code": STOPPED, "message": "the page has stopped this", "hint": None, "spans": []}
+        return {"code": STOPPED, "message": "this was stopped", "hint": None, "spans": []}
     if not isinstance(error, EnvgraphError):
         _LOG.error("a request of the page failed", exc_info=error)
         message = f"internal error: {type(error).__name__}"

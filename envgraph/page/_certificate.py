@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.code import dataclass
+from envgraph.editor import StoppedError
 from envgraph.errors import EnvgraphError
-from envgraph.page._work import JsonObject, StoppedError
+from envgraph.page._work import JsonObject
 from envgraph.rewrite import Engine
 
 if TYPE_CHECKING:

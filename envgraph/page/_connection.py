@@ -23,6 +23,12 @@ Send = Callable[[str], None]
 
 _EDITOR: Final = ("textDocument/", "workspace/", "envgraph/", "completionItem/", "$/")
 _EDITOR_METHODS: Final = ("initialize", "initialized", "shutdown", "exit")
+_STOP: Final = "page/stop"
+
+
+def is_stop(text: str) -> bool:
+    """Return True if a message is the notification that stops what runs for the requests before it."""
+    return len(text) < 100 and f'"{_STOP}"' in text
 
 
 class Connection:
@@ -45,8 +51,8 @@ class Connection:
         """Answer a message. If this takes long, return work instead, whose `finish` sends the answer."""
         try:
             message = json.loads(text)
-        except ValueError:
-            self._fail(None, PARSE_ERROR, "the message is not JSON")
+        except (ValueError, RecursionError):
+            self._fail(None, PARSE_ERROR, "the message is not JSON, or has too many brackets inside each other")
             return None
         if not isinstance(message, dict) or not isinstance(message.get("method"), str):
             if not (isinstance(message, dict) and ("result" in message or "error" in message)):
@@ -59,6 +65,8 @@ class Connection:
 
     def _answer(self, id_: Any, method: str, params: dict[str, Any]) -> Work | None:
         try:
+            if method == _STOP:
+                return None  # The owner has stopped what was running.
             if method in METHODS:
                 result = self.session.answer(method, params)
             elif method in _EDITOR_METHODS or method.startswith(_EDITOR):
@@ -115,7 +123,7 @@ class Connection:
             if isinstance(result, CheckResult) and job.roots == (self.session.folder,):
                 self.session.show_edited(result.workspace)
 
-        return Work(job.run, finish)
+        return Work(job.run, finish, seconds=job.seconds)
 
     def close(self) -> None:
         """Stop what runs for the page."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import LIMITS, EnvgraphError, InvalidArgument, Span, list_names
 from envgraph.files import replace_file
-from envgraph.lang import LANGUAGES, DiskFiles, TextFiles, read_source
+from envgraph.lang import LANGUAGES, DiskFiles, TextFiles, Workspace, load_workspace, read_source
 from envgraph.metamodel import type_name
-from envgraph.page._work import JsonObject, Params
+from envgraph.page._work import JsonObject, Params, Work
 from envgraph.pattern import ObjectType, Parameter, StaticType
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _LANGUAGE_OF: Final = {
 """The languages of the files that the page shows, by suffix."""
 
 
-def open_page(session: PageSession, params: Params) -> JsonObject:
+def open_page(session: PageSession, params: Params) -> JsonObject | Work:
     """Return everything that the page lists: files, models, patterns, rules, environments, and members of the run.
 
     With `files`, a list of names and texts, these become the content of the folder. This is only possible if the
@@ -35,8 +35,18 @@ def open_page(session: PageSession, params: Params) -> JsonObject:
     given = params.get("files")
     if given is not None:
         _replace_texts(session, given)
-    if not session.version:  # Later, the language server checks texts that are edited.
-        session.load()
+    if session.version:  # Later, the language server checks texts that are edited.
+        return _describe_folder(session)
+    root, files = session.folder, session.service.edited_files()
+
+    def finish(workspace: Workspace) -> JsonObject:
+        session.take(workspace)
+        return _describe_folder(session)
+
+    return Work(lambda: load_workspace([root], files=files), finish)
+
+
+def _describe_folder(session: PageSession) -> JsonObject:
     files = session.service.edited_files()
     imported = sorted(name for name in session.sources if session.contains(name))
     listed = dict.fromkeys([*files.entries(session.folder), *imported])

@@ -9,11 +9,12 @@ from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
+from envgraph.editor import StoppedError
 from envgraph.errors import InvalidArgument
 from envgraph.files import report_progress
 from envgraph.lang import load_workspace
 from envgraph.page._answers import error_object
-from envgraph.page._work import JsonObject, Params, StoppedError
+from envgraph.page._work import JsonObject, Params
 
 if TYPE_CHECKING:
     from envgraph.page._page_session import PageSession

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import socket
 from collections.abc import Callable
 from pathlib import Path
 from secrets import token_urlsafe
+from threading import Thread
 from typing import Final
 
 from envgraph.errors import InvalidArgument
@@ -54,14 +56,19 @@ def serve(
         config = uvicorn.Config(
             app, log_level="warning", ws_max_size=4 * MAX_MESSAGE, timeout_graceful_shutdown=2, lifespan="off"
         )
-        announce(f"{target.title}: {address}")
-        announce("Ctrl-C stops the server")
         gc.set_threshold(100_000)  # as in `serve_stdio`
-        if browser:
-            import webbrowser
 
-            webbrowser.open(address)
-        uvicorn.Server(config).run(sockets=[listening])
+        async def run() -> None:  # Ctrl-C ends it from its first line on
+            announce(f"{target.title}: {address}")
+            announce("Ctrl-C stops the server")
+            if browser:
+                import webbrowser
+
+                # Browsers in a terminal return only when they are closed.
+                Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+            await uvicorn.Server(config).serve(sockets=[listening])
+
+        asyncio.run(run())
 
 
 def _listen(port: int) -> socket.socket:

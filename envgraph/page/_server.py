@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from hmac import compare_digest
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from starlette.applications import Starlette
 from starlette.datastructures import MutableHeaders
@@ -20,7 +20,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send as SendMessage
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from envgraph.page._connection import Connection
+from envgraph.editor import StoppableCall, StoppedError
+from envgraph.page._connection import Connection, is_stop
 from envgraph.page._targets import Target
 from envgraph.page._work import Work
 
@@ -29,6 +30,12 @@ MAX_MESSAGE: Final = 20 * 2**20
 
 _PAUSE: Final = 0.02
 """Seconds without a message after which edited texts are checked."""
+
+_LONGEST: Final = 20.0
+"""Seconds after which a request is stopped, because the others of the page wait for it."""
+
+_MAX_WAITING: Final = 4 * MAX_MESSAGE
+"""Characters of all messages of a page that wait; no page sends so many."""
 
 _HEADERS: Final = {
     "Content-Security-Policy": "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; "
@@ -43,6 +50,8 @@ _HEADERS: Final = {
 
 _TYPES: Final = {".js": "text/javascript", ".wasm": "application/wasm", ".svg": "image/svg+xml", ".css": "text/css"}
 """Media types of files, because the tables of some systems have others."""
+
+_Result = TypeVar("_Result")
 
 _FORGED: Final = "this address belongs to another page"
 _LOG: Final = logging.getLogger("envgraph")
@@ -131,10 +140,12 @@ class _Socket:
         self._websocket, self._target = websocket, target
         self._loop = asyncio.get_running_loop()
         self._incoming: asyncio.Queue[str | None] = asyncio.Queue()
+        self._waiting = 0
         self._outgoing: asyncio.Queue[str] = asyncio.Queue()
         self._in_order = ThreadPoolExecutor(1, "envgraph page")
         self._beside = ThreadPoolExecutor(4, "envgraph work")
         self._tasks: dict[asyncio.Task[None], Work] = {}
+        self._calls: dict[StoppableCall[Any], bool] = {}
         self._check: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
@@ -146,8 +157,7 @@ class _Socket:
             await self._answer_all(connection)
         finally:
             connection.close()
-            for work in self._tasks.values():
-                work.stopped.set()
+            self._stop_calls(checks=True)
             for task in (*others, *self._tasks):
                 task.cancel()
             self._in_order.shutdown(wait=False, cancel_futures=True)
@@ -161,13 +171,17 @@ class _Socket:
         try:
             while True:
                 text = await self._websocket.receive_text()
-                if len(text) > MAX_MESSAGE:
+                self._waiting += len(text)
+                if len(text) > MAX_MESSAGE or self._waiting > _MAX_WAITING:
                     await self._websocket.close(1009, "the message is too long")
                     break
+                if is_stop(text):  # what it stops keeps other messages waiting
+                    self._stop_calls(checks=False)
                 self._incoming.put_nowait(text)
         except (WebSocketDisconnect, KeyError, RuntimeError):  # closed, or a message that is no text
             with suppress(RuntimeError):
                 await self._websocket.close(1003)
+        self._stop_calls(checks=True)
         self._incoming.put_nowait(None)
 
     async def _write(self) -> None:
@@ -187,7 +201,10 @@ class _Socket:
             if text is None:
                 return
             changed = True
-            work = await self._loop.run_in_executor(self._in_order, connection.receive, text)
+            self._waiting -= len(text)
+            work = None
+            with suppress(StoppedError):  # before or after the request itself
+                work = await self._call(self._in_order, partial(connection.receive, text), _LONGEST)
             if work is not None:
                 self._begin(self._do(work), work)
 
@@ -204,15 +221,34 @@ class _Socket:
 
         async def check() -> None:
             while (work := await self._loop.run_in_executor(self._in_order, connection.next_work)) is not None:
-                await self._do(work)
+                await self._do(work, is_check=True)
 
         self._check = self._begin(check(), Work(lambda: None))
 
-    async def _do(self, work: Work) -> None:
+    async def _do(self, work: Work, is_check: bool = False) -> None:
         try:
-            value = await self._loop.run_in_executor(self._beside, work.run)
-            await self._loop.run_in_executor(self._in_order, work.finish, value)
-        except RuntimeError:  # the page was closed
+            value = await self._call(self._beside, work.run, work.seconds, is_check)
+            await self._call(self._in_order, partial(work.finish, value), None, is_check)
+        except (RuntimeError, StoppedError):  # the page was closed
             pass
         except Exception as error:
             _LOG.error("work for the page failed", exc_info=error)
+
+    async def _call(
+        self, pool: ThreadPoolExecutor, function: Callable[[], _Result], seconds: float | None, is_check: bool = False
+    ) -> _Result:
+        """Return the result of a function that runs in a thread, until it is stopped, or for some seconds."""
+        call = StoppableCall(function)
+        self._calls[call] = is_check
+        try:
+            return await call.run_in(pool, seconds)
+        finally:
+            del self._calls[call]
+
+    def _stop_calls(self, *, checks: bool) -> None:
+        """Stop what runs for requests and, with `checks`, the checks of texts, too."""
+        for work in self._tasks.values():
+            work.stopped.set()
+        for call, is_check in self._calls.items():
+            if checks or not is_check:
+                call.stop()

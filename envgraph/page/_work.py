@@ -27,12 +27,10 @@ class Work:
         run: computes it; it shares no data that change with the requests, so another thread may call it.
         finish: takes the value of `run`, and returns the result. It is called between two requests.
         stopped: `run` ends with `StoppedError` soon after this is set.
+        seconds: the time after which `run` is stopped; None for no limit.
     """
 
     run: Callable[[], Any]
     finish: Callable[[Any], Any] = lambda value: value
     stopped: Event = field(default_factory=Event)
-
-
-class StoppedError(Exception):
-    """An error raised to stop work whose result nobody waits for any more."""
+    seconds: float | None = None

@@ -5,6 +5,9 @@
  * @typedef {{send: (text: string) => void, onText: (text: string) => void, onClose: () => void}} TextTransport
  */
 
+/** The code of the error of a request that was stopped. */
+export const STOPPED = -32800;
+
 /** An error that the other side answered. */
 export class RequestError extends Error {
   /** @param {{code?: number, message: string, hint?: string, spans?: any[], data?: any}} error */
@@ -24,6 +27,7 @@ export class Connection {
     this.nextId = 1;
     /** @type {Map<string, {resolve: (result: any) => void, reject: (error: Error) => void}>} */
     this.pending = new Map();
+    this.waitsSince = 0;
     /** @type {Map<string, Set<(params: any) => void>>} */
     this.listeners = new Map();
     /** @type {Set<(text: string) => void>} */
@@ -35,10 +39,21 @@ export class Connection {
   /** @param {string} method @param {object} [params] @returns {Promise<any>} */
   request(method, params = {}) {
     const id = `p${this.nextId++}`; // the language client counts with numbers
+    if (!this.pending.size) this.waitsSince = performance.now();
     return new Promise((resolve, reject) => {
       this.pending.set(id, { resolve, reject });
       this.transport.send(JSON.stringify({ jsonrpc: "2.0", id, method, params }));
     });
+  }
+
+  /** Return true if nothing was answered for a second, although there are requests. */
+  get isWaiting() {
+    return this.pending.size > 0 && performance.now() - this.waitsSince > 1000;
+  }
+
+  /** Stop what the server computes for the requests so far; they are answered by an error with the code `STOPPED`. */
+  stop() {
+    this.transport.send(JSON.stringify({ jsonrpc: "2.0", method: "page/stop" }));
   }
 
   /** Call `callback` for each notification of a method; return a function that ends this.
@@ -64,6 +79,7 @@ export class Connection {
     const waiting = this.pending.get(message.id);
     if (waiting && !message.method) {
       this.pending.delete(message.id);
+      this.waitsSince = performance.now();
       if (message.error) waiting.reject(new RequestError(message.error));
       else waiting.resolve(message.result);
       return;

@@ -1,6 +1,7 @@
 // Lists patterns and rules, walks through the matches of one, applies rules, and explains why nothing matches.
 
 import { make, messageOf } from "../../../envgraph/page/player.js";
+import { STOPPED } from "./connection.js";
 
 /** @typedef {import("./types.js").Match} Match @typedef {{name: string, isRule: boolean, parameters: {name: string, type?: string}[]}} Entry */
 
@@ -18,6 +19,8 @@ export class Definitions {
     /** @type {Match[]} */ this.matches = [];
     this.position = -1;
     this.round = 0;
+    /** @type {Set<string>} */ this.slow = new Set(); // definitions whose matches are not counted again by themselves
+    domain.addEventListener("changed", () => this.slow.clear());
     this.names = make("div", { class: "names" });
     this.detail = make("div", { class: "detail", "aria-live": "polite" });
     this.element = make("section", { class: "definitions", "aria-label": "Patterns and rules" }, this.names, this.detail);
@@ -37,7 +40,11 @@ export class Definitions {
     else this.showEmpty();
     for (const entry of entries) {
       // Matches of patterns are counted without a list; of rules, those in the list are counted.
-      const found = await this.find(entry, entry.isRule ? LIMIT : 0).catch(() => null);
+      const key = keyOf(entry);
+      const found = this.slow.has(key) ? null : await this.find(entry, entry.isRule ? LIMIT : 0).catch((error) => {
+        if (error.code === STOPPED) this.slow.add(key);
+        return null;
+      });
       if (round !== this.round) return;
       const count = this.names.querySelector(`[data-key="${CSS.escape(keyOf(entry))}"] .count`);
       if (count) count.textContent = found ? countOf(entry, found) : "?";

@@ -38,6 +38,15 @@ function shareButton(edit) {
   return button;
 }
 
+/** Return a note that the page waits, which is hidden while it does not, with a button that stops this.
+ * @param {import("./connection.js").Connection} connection */
+function waitingNote(connection) {
+  const stop = make("button", { type: "button", onclick: () => connection.stop() }, "Stop");
+  const note = make("span", { class: "computing", hidden: true }, "Computing … ", ...(workerScript() ? [] : [stop])); // a worker hears nothing meanwhile
+  setInterval(() => { note.hidden = !connection.isWaiting; }, 300);
+  return note;
+}
+
 /** @param {Domain} domain */
 function showViews(domain) {
   const edit = new EditView(domain);
@@ -81,6 +90,7 @@ async function start() {
     const data = await connection.request("page/open", shared ? { files: shared } : {});
     byId("title").textContent = data.title;
     document.title = `${data.title} – envgraph`;
+    byId("tools").prepend(waitingNote(connection));
     showViews(new Domain(connection, data));
   } catch (error) {
     byId("main").replaceChildren(make("p", { class: "alert waiting", role: "alert" }, messageOf(error)));

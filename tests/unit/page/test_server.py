@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import pytest
@@ -183,3 +184,56 @@ def test_command_prints_the_address_and_ends_with_ctrl_c(
     started.send_signal(signal.SIGINT)
     _, errors = started.communicate(timeout=60)
     assert (started.returncode, errors) == (130, "interrupted\n")
+
+
+COMBINATIONS = {
+    "h.metamodel": "metamodel h\n\nclass N { int v contains N[*] ns }\n",
+    "h.query": 'package h\nimport "h.metamodel"\n\npattern never(a : N, b : N, c : N, d : N, e : N) '
+    "{ N.v(a, v); N.v(b, w); N.v(c, x); N.v(d, y); N.v(e, z); check v + w + x + y + z == 1; }\n",
+    "h.model": f'import "h.metamodel"\nmodel m : h {{ N {{ v = 0, ns = [{", ".join(["N { v = 0 }"] * 300)}] }} }}\n',
+}
+
+
+@pytest.fixture
+def combinations(tmp_path: Path, built: Path) -> Iterator[TestClient]:
+    """A page about a pattern whose matches take hours to find."""
+    for name, text in COMBINATIONS.items():
+        (tmp_path / "here").mkdir(exist_ok=True)
+        (tmp_path / "here" / name).write_text(text, "utf-8")
+    target = find_target(str(tmp_path / "here"), Path("no-runs"))
+    with TestClient(make_app(target, built, TOKEN, PORT), HERE) as made:
+        yield made
+
+
+def send(socket: Any, method: str, **params: Any) -> None:
+    socket.send_text(json.dumps({"jsonrpc": "2.0", "id": method, "method": method, "params": params}))
+
+
+def test_page_stops_a_request_that_keeps_the_others_waiting(combinations: TestClient) -> None:
+    with combinations.websocket_connect(SOCKET, headers=COOKIE) as socket:
+        ask(socket, "page/open")
+        send(socket, "page/matches", pattern="h.never")
+        sleep(0.1)
+        socket.send_text('{"jsonrpc": "2.0", "method": "page/stop"}')
+        assert json.loads(socket.receive_text())["error"]["message"] == "this was stopped"
+        assert len(ask(socket, "page/picture")["objects"]) == 301
+        send(socket, "page/matches", pattern="h.never")  # stopped when the page is closed, or this test never ends
+
+
+def test_request_that_takes_too_long_is_stopped_with_a_reason(
+    combinations: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.page._server._LONGEST", 0.2)
+    with combinations.websocket_connect(SOCKET, headers=COOKIE) as socket:
+        ask(socket, "page/open")
+        send(socket, "page/matches", pattern="h.never")
+        error = json.loads(socket.receive_text())["error"]
+        assert error["message"] == "this took too long, and was stopped" and "connect the variables" in error["hint"]
+
+
+@pytest.mark.parametrize("message", ["[" * 100_000, '{"a":' * 100_000, "{", '{"method": "page/stop"'])
+def test_broken_messages_are_answered_and_the_page_stays_open(client: TestClient, message: str) -> None:
+    with client.websocket_connect(SOCKET, headers=COOKIE) as socket:
+        socket.send_text(message)
+        assert json.loads(socket.receive_text())["error"]["code"] == -32700
+        assert ask(socket, "page/open")["title"] == "social_media"
