@@ -21,7 +21,7 @@ copy(page, assets, "");
 appendFileSync(join(folder, "licenses.txt"), readFileSync(join(page, "licenses.txt")));
 copy(here, ["start.css", "worker.mjs", "python.mjs", "start.py"], "");
 const meta = `<meta charset="utf-8">
-  <meta http-equiv="Content-Security-Policy" content="default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; script-src 'self' 'wasm-unsafe-eval'">
+  <meta http-equiv="Content-Security-Policy" content="default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; script-src 'self' 'wasm-unsafe-eval'; base-uri 'none'; form-action 'none'">
   <meta name="envgraph-worker" content="worker.mjs">`;
 const shell = readFileSync(join(page, "index.html"), "utf-8");
 writeFileSync(join(folder, "page.html"), shell.replace('<meta charset="utf-8">', meta));

@@ -33,7 +33,7 @@ class Document:
         """
         line, column = self.source.line_and_column(offset)
         before = self.source.text[offset - column + 1 : offset]
-        return {"line": line - 1, "character": len(before.encode("utf-16-le")) // 2}
+        return {"line": line - 1, "character": len(before.encode("utf-16-le", "surrogatepass")) // 2}
 
     def range(self, span: Span) -> JsonObject:
         """Return a span of this text as a range of the protocol."""
@@ -48,5 +48,5 @@ class Document:
         """
         line = self.source.line_text(position["line"] + 1)
         start = self.source.line_start(position["line"] + 1)
-        before = line.encode("utf-16-le")[: 2 * position["character"]]
+        before = line.encode("utf-16-le", "surrogatepass")[: 2 * position["character"]]
         return start + len(before.decode("utf-16-le", "ignore"))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from envgraph.errors import LIMITS
+from envgraph.errors import LIMITS, InvalidArgument
 from envgraph.lang import DiskFiles, Files, TextFiles
 
 _MEMORY = "memory:///"
@@ -82,14 +82,20 @@ def name_of_uri(files: Files, uri: str, suffix: str = "") -> str:
         files: the files that the name is for.
         uri: a URI such as `file:///home/me/a.query` or `untitled:Untitled-1`.
         suffix: the suffix that is added to a name without one, such as ".query".
+
+    Raises:
+        InvalidArgument: this is not a URI, or no file can have this name.
     """
-    parts = urlsplit(uri)
-    path = unquote(parts.path)
-    if parts.scheme == "file" and isinstance(files, DiskFiles):
-        path = re.sub(r"^/(?=[A-Za-z]:)", "", path)  # file:///C:/a on Windows
-        return files.name(f"//{parts.netloc}{path}" if parts.netloc not in ("", "localhost") else path)
-    path = path.lstrip("/") or "untitled"
-    return files.name(path if "." in path.rpartition("/")[2] else path + suffix)
+    try:
+        parts = urlsplit(uri)
+        path = unquote(parts.path)
+        if parts.scheme == "file" and isinstance(files, DiskFiles):
+            path = re.sub(r"^/(?=[A-Za-z]:)", "", path)  # file:///C:/a on Windows
+            return files.name(f"//{parts.netloc}{path}" if parts.netloc not in ("", "localhost") else path)
+        path = path.lstrip("/") or "untitled"
+        return files.name(path if "." in path.rpartition("/")[2] else path + suffix)
+    except ValueError as error:
+        raise InvalidArgument(f"`{uri}` is not the address of a file") from error
 
 
 def uri_of_name(files: Files, name: str) -> str:

@@ -37,6 +37,9 @@ def error_object(error: BaseException, locate: Locate, code: int | None = None) 
         return {"code": STOPPED, "message": "this took too long, and was stopped", "hint": advice, "spans": []}
     if isinstance(error, StoppedError):
         return {"code": STOPPED, "message": "this was stopped", "hint": None, "spans": []}
+    if isinstance(error, OSError):
+        message = f"`{error.filename}`: {error.strerror}" if error.filename else str(error)
+        return {"code": REFUSED, "message": message, "hint": None, "spans": []}
     if not isinstance(error, EnvgraphError):
         _LOG.error("a request of the page failed", exc_info=error)
         message = f"internal error: {type(error).__name__}"

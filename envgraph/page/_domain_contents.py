@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from envgraph.errors import LIMITS, EnvgraphError, InvalidArgument, Span, list_names
+from envgraph.errors import LIMITS, EnvgraphError, InvalidArgument, LoadError, Span, list_names
 from envgraph.files import replace_file
 from envgraph.lang import LANGUAGES, DiskFiles, TextFiles, Workspace, load_workspace, read_source
 from envgraph.metamodel import type_name
@@ -164,13 +165,18 @@ def _uri(session: PageSession, span: Span | None) -> str | None:
 
 
 def save_text(session: PageSession, params: Params) -> JsonObject:
-    """Replace a file of the folder by a text.
+    """Replace a file of the folder by a text, with the line ends that the file has.
+
+    Nothing is written if the parameter `was`, the text that the page read, is given and is not that of the file any
+    more: the result is then the text of the file, as `changed`.
 
     Raises:
-        InvalidArgument: the folder is read-only, or the file is outside of it, or in no language of envgraph.
-        OSError: the file cannot be written.
+        InvalidArgument: the folder is read-only, or the file is outside of it, in no language of envgraph, or cannot
+            be read or written.
     """
-    uri, text = str(params.get("uri", "")), str(params.get("text", ""))
+    uri, text, was = str(params.get("uri", "")), params.get("text"), params.get("was")
+    if not isinstance(text, str):
+        raise InvalidArgument("`text` must be a text")
     if not session.writable:
         hint = f"copy them: `envgraph new my_copy --domain {session.title}`, then `envgraph serve my_copy`"
         raise InvalidArgument("these files are read-only", hint)
@@ -179,8 +185,36 @@ def save_text(session: PageSession, params: Params) -> JsonObject:
         raise InvalidArgument(f"`{uri}` is not in the folder that is open", "save files of this folder only")
     if _language(name) is None:
         raise InvalidArgument(f"`{name}` is not a file in a language of envgraph")
-    if len(text.encode()) > LIMITS["file bytes"]:
-        raise InvalidArgument(f"the text is longer than {LIMITS['file bytes'] / 2**20:g} MB")
-    replace_file(Path(name), text)
+    try:
+        old = read_source(session.service.files, name).text if os.path.lexists(name) else None
+        if old is not None and isinstance(was, str) and _with_line_feeds(old) != _with_line_feeds(was):
+            return {"changed": old}
+        if old is not None and "\r\n" in old:
+            text = _with_line_feeds(text).replace("\n", "\r\n")
+        _check_encoding(name, text)
+        replace_file(Path(name), text)
+    except LoadError as error:
+        hint = "change it with another program; the page does not replace what it cannot read"
+        raise InvalidArgument(f"`{name}`: {error.diagnostics[0].message}", hint) from error
+    except OSError as error:
+        raise InvalidArgument(f"`{name}` cannot be written: {error.strerror}") from error
     session.service.mark_stale(name)
     return {"saved": uri}
+
+
+def _with_line_feeds(text: str) -> str:
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _check_encoding(name: str, text: str) -> None:
+    """Raise InvalidArgument if a text is too long, or would be read as another one from a file in UTF-8."""
+    try:
+        size = len(text.encode())
+    except UnicodeEncodeError as error:
+        raise InvalidArgument("the text has half of a surrogate pair, which is not a character", "delete it") from error
+    if size > LIMITS["file bytes"]:
+        raise InvalidArgument(f"the text is longer than {LIMITS['file bytes'] / 2**20:g} MB")
+    if _language(name) == "xml" and read_source(TextFiles({name: text}), name).text != text:
+        raise InvalidArgument(
+            f"`{name}` declares another encoding than UTF-8", 'write `encoding="UTF-8"` in its first line'
+        )

@@ -70,7 +70,7 @@ def apply(session: PageSession, params: Params) -> JsonObject:
     if params.get("version", shown.version) != shown.version:
         raise InvalidArgument("the model has changed since the matches were listed", "list the matches again")
     if index is None:
-        options: Sequence[Option] = shown.options(rule, params.get("values") or {}, 1)[0]
+        options: Sequence[Option] = shown.options(rule, _bound(params, "values"), 1)[0]
         index = 0
     else:
         version, offered, options = session.offered
@@ -120,10 +120,10 @@ def _text(params: Params, name: str) -> str:
     return found
 
 
-def _bound(params: Params) -> Mapping[str, Any]:
-    found = params.get("bound") or {}
+def _bound(params: Params, name: str = "bound") -> Mapping[str, Any]:
+    found = params.get(name) or {}
     if not isinstance(found, dict):
-        raise InvalidArgument("`bound` must be an object with values of variables")
+        raise InvalidArgument(f"`{name}` must be an object with values of variables")
     return found
 
 

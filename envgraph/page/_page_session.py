@@ -136,6 +136,8 @@ class PageSession:
         """Return True if a file is in the folder or in one below it, after all symbolic links are followed."""
         if not isinstance(self.service.files, DiskFiles):
             return True
+        if "\0" in name:
+            return False
         root = os.path.realpath(self.folder)
         return os.path.realpath(name).startswith(root.rstrip(os.sep) + os.sep)
 

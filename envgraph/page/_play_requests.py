@@ -77,7 +77,7 @@ def make_play_session(session: PageSession, params: Params) -> PlaySession:
             raise InvalidArgument("no run is open", "open a run first")
         return PlaySession.of_member(session.run.family, session.run.family.member(member))
     behaviours = {one.name: one for one in session.workspace.behaviours}
-    name = chosen or session.environment
+    name = str(chosen) if chosen else session.environment
     if name is None:
         raise InvalidArgument("the folder has no environment", "write a `.environment` file with actions")
     check_known(name, behaviours, f"there is no environment `{name}`")

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar
 from starlette.applications import Starlette
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send as SendMessage
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -53,6 +53,11 @@ _TYPES: Final = {".js": "text/javascript", ".wasm": "application/wasm", ".svg": 
 
 _Result = TypeVar("_Result")
 
+_FIRST: Final = (
+    '<!doctype html><title>envgraph</title><link rel=icon href=icon.svg><meta http-equiv=refresh content="0; url=/">'
+)
+"""The page of the first address, which leads to the address without the token."""
+
 _FORGED: Final = "this address belongs to another page"
 _LOG: Final = logging.getLogger("envgraph")
 
@@ -71,7 +76,8 @@ def make_app(target: Target, built: Path, token: str, port: int) -> Starlette:
     async def page(request: Request) -> Response:
         given = request.query_params.get("token")
         if given is not None:
-            answer = RedirectResponse("/", 303)
+            # Browsers send the cookie with the next request only if this page asks for it, not the one with the link.
+            answer = HTMLResponse(_FIRST)
             answer.set_cookie(cookie, given, httponly=True, samesite="strict")
             return answer
         return FileResponse(built / "index.html")
@@ -98,7 +104,8 @@ class _Guard:
 
     def __init__(self, app: ASGIApp, token: str, cookie: str, port: int) -> None:
         self._app, self._token, self._cookie = app, token, cookie
-        self._hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
+        ends = [f":{port}", ""] if port == 80 else [f":{port}"]  # browsers leave out `:80`
+        self._hosts = {name + end for name in ("127.0.0.1", "localhost") for end in ends}
 
     async def __call__(self, scope: Scope, receive: Receive, send: SendMessage) -> None:
         if scope["type"] == "lifespan":

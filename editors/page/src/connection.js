@@ -53,7 +53,13 @@ export class Connection {
 
   /** Stop what the server computes for the requests so far; they are answered by an error with the code `STOPPED`. */
   stop() {
-    this.transport.send(JSON.stringify({ jsonrpc: "2.0", method: "page/stop" }));
+    const stopped = [...this.pending.keys()];
+    const send = () => {
+      if (!stopped.some((id) => this.pending.has(id))) return;
+      this.transport.send(JSON.stringify({ jsonrpc: "2.0", method: "page/stop" }));
+      setTimeout(send, 300); // the next of them may have begun
+    };
+    send();
   }
 
   /** Call `callback` for each notification of a method; return a function that ends this.

@@ -162,14 +162,27 @@ export class EditView {
     this.element.dispatchEvent(new CustomEvent("problems", { detail: all.length }));
   }
 
+  /** Return a question about a file that another program has changed. @param {any} file @param {string} changed its text now */
+  askAboutChange(file, changed) {
+    const answer = (/** @type {string} */ title, /** @type {() => void} */ act) => make("button", { type: "button", onclick: () => {
+      file.saved = changed.replaceAll(/\r\n?/g, "\n");
+      this.alert.replaceChildren();
+      this.editor.show(file.uri);
+      act();
+    } }, title);
+    const takeOther = () => this.editor.view.dispatch({ changes: { from: 0, to: this.editor.view.state.doc.length, insert: changed } });
+    return [`Another program has changed ${file.name} since it was read here. It was not saved. `,
+      answer("Save this text", () => this.save()), " ", answer("Take the other text", takeOther)];
+  }
+
   async save() {
     const file = this.editor.shown;
     if (!file) return;
     const { text } = file;
     try {
-      await this.connection.request("page/save", { uri: file.uri, text });
-      file.saved = text;
-      this.alert.textContent = "";
+      const { changed } = await this.connection.request("page/save", { uri: file.uri, text, was: file.saved });
+      if (changed === undefined) file.saved = text;
+      this.alert.replaceChildren(...(changed === undefined ? [] : this.askAboutChange(file, changed)));
     } catch (error) {
       this.alert.textContent = messageOf(error);
     }

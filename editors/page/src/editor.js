@@ -38,6 +38,19 @@ const theme = EditorView.theme({
   ".cm-textfield, .cm-button": { color: "var(--ink)", background: "var(--paper)", border: "1px solid var(--edge)", font: "inherit" },
 });
 
+const STRUCTURE = ["P", "PRE", "CODE", "SPAN", "EM", "STRONG", "UL", "OL", "LI", "BR", "BLOCKQUOTE", "H1", "H2", "H3", "H4", "HR"];
+
+/** Return HTML in which all but text and its structure is shown as text: comments in files may contain any HTML.
+ * @param {string} html */
+function keepText(html) {
+  const { body } = new DOMParser().parseFromString(html, "text/html");
+  for (const element of body.querySelectorAll("*")) {
+    if (!STRUCTURE.includes(element.tagName)) element.replaceWith(element.outerHTML);
+    else for (const { name } of [...element.attributes]) if (name !== "class" || element.tagName !== "SPAN") element.removeAttribute(name);
+  }
+  return body.innerHTML;
+}
+
 /** A file that can be edited. While another file is shown, its state waits here. */
 class OpenFile {
   /** @param {TextFile} file @param {EditorState} state */
@@ -45,7 +58,7 @@ class OpenFile {
     this.uri = file.uri;
     this.name = file.name;
     this.languageId = file.language;
-    this.saved = file.text;
+    this.saved = state.doc.toString(); // with other line ends than the file may have
     this.version = 0;
     this.state = state;
     this.doc = state.doc;
@@ -119,6 +132,7 @@ export class TextEditor {
     this.callbacks = callbacks;
     this.client = new LSPClient({
       rootUri,
+      sanitizeHTML: keepText,
       timeout: 20000, // a first check of a large domain takes longer than the three seconds of the library
       workspace: (client) => new FolderWorkspace(client),
       extensions: [

@@ -22,6 +22,13 @@ export const stopServers = () => servers.forEach((server) => server.kill("SIGKIL
 
 export const launch = () => chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
 
+/** Return a new folder without files. */
+export function emptyFolder(name) {
+  const folder = join(mkdtempSync(join(domains, "new-")), name);
+  mkdirSync(folder);
+  return folder;
+}
+
 /** Return a new folder with a copy of a bundled domain. */
 export function copyOf(domain) {
   const folder = join(mkdtempSync(join(domains, "copy-")), domain);

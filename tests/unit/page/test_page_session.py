@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -151,6 +152,61 @@ def test_texts_are_saved_in_the_folder_only(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="these files are read-only") as error:
         bundled.ask("page/save", uri=opened["files"][0]["uri"], text="x")
     assert "envgraph new my_copy --domain sokoban" in error.value.data["hint"]
+
+
+def test_a_file_that_another_program_changed_is_not_replaced(tmp_path: Path) -> None:
+    page, file = folder(tmp_path), tmp_path / "a.rules"
+    page.ask("page/open")
+    uri = file.as_uri()
+    file.write_text("// theirs\n", "utf-8")
+    assert page.ask("page/save", uri=uri, text="// mine\n", was=RULES) == {"changed": "// theirs\n"}
+    assert file.read_text("utf-8") == "// theirs\n"
+    assert page.ask("page/save", uri=uri, text="// mine\n", was="// theirs\n") == {"saved": uri}
+    assert file.read_text("utf-8") == "// mine\n"
+    file.unlink()
+    assert page.ask("page/save", uri=uri, text="// again\n", was="// mine\n") == {"saved": uri}
+    with pytest.raises(Refused, match="`text` must be a text"):
+        page.ask("page/save", uri=uri)
+    assert file.read_text("utf-8") == "// again\n"
+
+
+def test_line_ends_of_a_file_are_kept(tmp_path: Path) -> None:
+    page, file = folder(tmp_path), tmp_path / "a.rules"
+    file.write_bytes(b"// one\r\n// two\r\n")
+    page.ask("page/open")
+    page.ask("page/save", uri=file.as_uri(), text="// one\n// 2\n", was="// one\n// two\n")
+    assert file.read_bytes() == b"// one\r\n// 2\r\n"
+
+
+def test_files_that_the_page_cannot_read_or_write_stay_as_they_are(tmp_path: Path) -> None:
+    page = folder(tmp_path)
+    page.ask("page/open")
+    latin = tmp_path / "b.ecore"
+    text = '<?xml version="1.0" encoding="ISO-8859-1"?>\n<!-- \u00e4 -->\n'
+    latin.write_text(text, "latin-1")
+    (tmp_path / "c.rules").write_bytes(b"\xff")
+    (tmp_path / "d.rules").mkdir()
+    (tmp_path / "e.rules").symlink_to(tmp_path / "e.rules")
+    os.mkfifo(tmp_path / "f.rules")
+    for name, reason in (
+        ("b.ecore", "declares another encoding than UTF-8"),
+        ("c.rules", "is not UTF-8"),
+        ("d.rules", "is a directory"),
+        ("e.rules", "Too many levels of symbolic links"),
+        ("f.rules", "this is a pipe, not a file"),
+        ("a.rules/b.rules", "ot a directory"),
+        (f"{'x' * 300}.rules", "File name too long"),
+        ("%00.rules", "is not in the folder that is open"),
+    ):
+        with pytest.raises(Refused, match=reason):
+            page.ask("page/save", uri=f"{tmp_path.as_uri()}/{name}", text=text)
+    with pytest.raises(Refused, match="is not the address of a file"):
+        page.ask("page/save", uri="file://[", text="")
+    with pytest.raises(Refused, match="half of a surrogate pair"):
+        page.ask("page/save", uri=(tmp_path / "a.rules").as_uri(), text="\ud800")
+    assert latin.read_text("latin-1") == text and (tmp_path / "c.rules").read_bytes() == b"\xff"
+    with pytest.raises(Refused, match="is not allowed here"):
+        page.ask("page/query", text="\ud800")
 
 
 def test_texts_of_a_link_replace_those_in_memory_but_not_those_on_the_disk(tmp_path: Path) -> None:
