@@ -88,8 +88,10 @@ class _EditorConnection:
         """Queue a message; `$/cancelRequest` and `exit` take effect at once."""
         if not isinstance(message, dict) or "method" not in message:
             return  # the editor's answer to a request of ours
+        if not isinstance(message.get("params"), dict):
+            message = {**message, "params": {}}
         if message["method"] == "$/cancelRequest":
-            self._cancelled.add(str(message.get("params", {}).get("id")))
+            self._cancelled.add(str(message["params"].get("id")))
         elif message["method"] == "exit":
             self._stop.set()
         else:
@@ -111,7 +113,7 @@ class _EditorConnection:
         error = self._refusal(method, id_)
         result = None
         if error is None:
-            call = StoppableCall[Any](partial(self._service.answer, method, message.get("params") or {}))
+            call = StoppableCall[Any](partial(self._service.answer, method, message["params"]))
             timer = threading.Timer(_LONGEST, call.stop)
             try:
                 if method in _MATCHING:
