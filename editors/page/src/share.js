@@ -1,8 +1,18 @@
 // Links that hold a domain: its texts as JSON, compressed, in the part of the address that no server sees.
 
+const MOST = 20_000_000; // bytes of all files in a link: a small link may hold many more, which would fill the memory
+
 /** @param {Uint8Array} bytes @param {CompressionStream|DecompressionStream} step */
 async function throughStream(bytes, step) {
-  const stream = new Blob([/** @type {any} */ (bytes)]).stream().pipeThrough(/** @type {any} */ (step));
+  let size = 0;
+  const limit = new TransformStream({
+    transform(chunk, controller) {
+      size += chunk.length;
+      if (size > MOST) throw new RangeError("too long");
+      controller.enqueue(chunk);
+    },
+  });
+  const stream = new Blob([/** @type {any} */ (bytes)]).stream().pipeThrough(/** @type {any} */ (step)).pipeThrough(limit);
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
@@ -27,7 +37,8 @@ export async function filesOfLink() {
     const packed = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
     const { files } = JSON.parse(new TextDecoder().decode(await throughStream(packed, new DecompressionStream("deflate-raw"))));
     return files.map((/** @type {any} */ file) => ({ name: String(file.name), text: String(file.text) }));
-  } catch {
+  } catch (error) {
+    if (error instanceof RangeError) throw new Error("The files in the address are longer than 20 MB, which is too long for a link.");
     throw new Error("The files in the address cannot be read. Perhaps the link was cut: copy all of it.");
   }
 }

@@ -24,3 +24,18 @@ test("a link that was cut is refused", async () => {
   globalThis.location = { href: "http://x/", hash: hash.slice(0, -20) };
   await assert.rejects(filesOfLink(), /Perhaps the link was cut/);
 });
+
+test("a link whose files would fill the memory is refused", async () => {
+  const { deflateRawSync } = await import("node:zlib");
+  const packed = deflateRawSync(Buffer.alloc(200_000_000)).toString("base64url");
+  globalThis.location = { href: "http://x/", hash: `#domain=${packed}` };
+  await assert.rejects(filesOfLink(), /longer than 20 MB/);
+});
+
+test("a link without files is refused", async () => {
+  const { deflateRawSync } = await import("node:zlib");
+  for (const text of ["null", "[]", "{}", '{"files": 1}', '{"files": [null]}', "["]) {
+    globalThis.location = { href: "http://x/", hash: `#domain=${deflateRawSync(text).toString("base64url")}` };
+    await assert.rejects(filesOfLink(), /Perhaps the link was cut/);
+  }
+});
