@@ -79,7 +79,9 @@ def _run_command() -> int:
         ended.append(number)
         raise KeyboardInterrupt  # Save and print the same as for Ctrl-C.
 
-    usual = signal.signal(signal.SIGTERM, end)
+    # SIGHUP: the terminal was closed. After `nohup` it is ignored.
+    ends = [one for name in ("SIGTERM", "SIGHUP") if (one := getattr(signal, name, None)) is not None]
+    usual = {one: signal.signal(one, end) for one in ends if signal.getsignal(one) is not signal.SIG_IGN}
     try:
         code = app.main(prog_name="envgraph", obj=formats, standalone_mode=False) or 0
     except (EnvgraphError, OSError) as error:
@@ -98,7 +100,8 @@ def _run_command() -> int:
             raise abort.__cause__ from None
         code = _INTERRUPTED
     finally:
-        signal.signal(signal.SIGTERM, usual)
+        for one, handler in usual.items():
+            signal.signal(one, handler)
     if code == _INTERRUPTED:
         sys.stderr.write("terminated\n" if ended else "interrupted\n")
         return 128 + ended[0] if ended else _INTERRUPTED

@@ -23,7 +23,7 @@ from envgraph.env import (
     scene_text,
 )
 from envgraph.errors import EnvgraphError, InvalidArgument, count_with_noun, did_you_mean
-from envgraph.files import replace_file
+from envgraph.files import check_replaceable, replace_file
 from envgraph.search import Family, Member, find_playable, format_certificates, play_episode
 
 _COMMANDS: Final = {**PLAY_COMMANDS, "policy": ("Enter", ".")}
@@ -65,6 +65,7 @@ def play(
             raise InvalidArgument(f"`{record}` is no recording: choose a file name that ends in .svg, .gif or .json")
         if record.suffix != ".json":
             check_render_mode("rgb_array", drawn=drawn)
+        check_replaceable(record)
     game = _Game(family, member, seed, policy, delay)
     try:
         with open_screen(f"{member.name} of {family.name}" if window else None) as screen:

@@ -10,6 +10,7 @@ from envgraph.code import export_lazily
 if TYPE_CHECKING:
     from envgraph.files._atomic_replace import (
         check_empty_folder as check_empty_folder,
+        check_replaceable as check_replaceable,
         replace_file as replace_file,
         replacement_draft as replacement_draft,
     )

@@ -29,6 +29,18 @@ def replace_file(path: Path, content: str | bytes) -> None:
         draft.write_bytes(data)
 
 
+def check_replaceable(path: Path) -> None:
+    """Raise OSError if `replace_file` could not write a file. Only missing directories are created."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+
+    class Unchanged(Exception):
+        pass
+
+    with suppress(Unchanged), replacement_draft(path):
+        raise Unchanged
+
+
 def check_empty_folder(folder: Path) -> None:
     """Raise InvalidArgument unless the folder is empty or missing."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

@@ -54,6 +54,23 @@ def test_lines_are_keys_actions_and_commands(
     assert root.get("aria-label", "").endswith(": 9 steps, success, total 1.01")
 
 
+def test_recording_is_kept_when_the_terminal_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class ClosedLater(io.StringIO):
+        def readline(self, size: int = -1) -> str:
+            line = super().readline(size)
+            if not line:
+                os.kill(os.getpid(), signal.SIGHUP)
+            return line
+
+    film = tmp_path / "film.json"
+    monkeypatch.setattr(sys, "argv", ["envgraph", "play", "keydoor", "--record", str(film)])
+    monkeypatch.setattr(sys, "stdin", ClosedLater("ArrowRight\n"))
+    assert main() == 128 + signal.SIGHUP
+    assert capsys.readouterr().err == "terminated\n" and len(json.loads(film.read_text("utf-8"))["steps"]) == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "lines", "message"),
     [
@@ -73,6 +90,7 @@ def test_lines_are_keys_actions_and_commands(
         (("railway",), "", "railway"),
         (("keydoor", "--delay", "1"), "", "`--delay` needs `--policy`"),
         (("keydoor", "--delay", "-1", "--policy", "best"), "", "a number of seconds from 0 to 3600"),
+        (("keydoor", "--record", "/dev/null/film.svg"), "ArrowRihgt", "error: /dev/null/film.svg: not a directory"),
         (("keydoor", "--record", "film.png"), "", "`film.png` is no recording: choose a file name that ends in .svg"),
     ],
 )

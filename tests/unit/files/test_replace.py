@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.files import replace_file, replacement_draft
+from envgraph.files import check_replaceable, replace_file, replacement_draft
 
 PACKAGE = Path(__file__).parents[3] / "envgraph"
 
@@ -25,6 +25,18 @@ def test_text_is_written_as_utf_8_with_its_own_line_ends(tmp_path: Path) -> None
     replace_file(tmp_path / "deep" / "a.txt", "ä\r\nb\n")
     assert (tmp_path / "deep" / "a.txt").read_bytes() == "ä\r\nb\n".encode()
     assert entries(tmp_path / "deep") == ["a.txt"]
+
+
+def test_a_check_before_writing_changes_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    check_replaceable(path)
+    check_replaceable(tmp_path / "b.txt")
+    check_replaceable(Path("/dev/null"))
+    assert path.read_text() == "old" and entries(tmp_path) == ["a.txt"]
+    for wrong in (tmp_path, path / "c.txt"):
+        with pytest.raises(OSError, match=re.escape(str(wrong))):
+            check_replaceable(wrong)
 
 
 def test_an_exception_leaves_the_old_content(tmp_path: Path) -> None:
