@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
+from itertools import count
 from math import isfinite
 from pathlib import Path
 from threading import Event, Thread
@@ -100,6 +102,8 @@ class RunningSearch:
             self._notify({"generation": number, "best": best, "evaluations": evaluations, "done": False, **more})
 
     def _finish(self, more: JsonObject) -> None:
+        with suppress(OSError):  # there is a run in it
+            self._path.parent.rmdir()
         self._notify({"done": True, "run": self.run_name if self._has_family() else None, **more})
 
     def _has_family(self) -> bool:
@@ -179,7 +183,13 @@ def _family_file(session: PageSession, uri: Any) -> str:
 
 
 def _free_path(runs: Path, name: str) -> Path:
-    """Return the path of a new run: the name of the family, with a number if there is a run of this name."""
-    names = (name if number == 1 else f"{name}-{number}" for number in range(1, 1_000_000))
-    path = next(runs / one for one in names if not (runs / one).exists())
+    """Return the path of a new run: the name of the family, with a number if there is a run of this name.
+
+    Its directory is created, so that another page that begins a search meanwhile chooses another name.
+    """
+    for number in count(1):
+        path = runs / (name if number == 1 else f"{name}-{number}")
+        with suppress(FileExistsError):
+            path.mkdir(parents=True)
+            break
     return path / "run.sqlite"

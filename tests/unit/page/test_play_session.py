@@ -201,7 +201,11 @@ def test_a_search_is_stopped_and_wrong_ones_are_refused(tmp_path: Path) -> None:
         with pytest.raises(Refused, match=message):
             page.ask("page/run/open", name=name)
     uri = next(one["uri"] for one in page.ask("page/open")["files"] if one["name"] == "diverse.toml")
-    page.ask("page/search/start", family=uri, generations=5000)
+    begun = page.ask("page/search/start", family=uri, generations=5000)
+    other = Page("keydoor", runs=tmp_path)
+    other.ask("page/open")
+    assert other.ask("page/search/start", family=uri, generations=5000)["run"] == f"{begun['run']}-2"
+    other.connection.close()
     with pytest.raises(Refused, match="another search is running"):
         page.ask("page/search/start", family=uri)
     page.ask("page/search/stop")
@@ -209,8 +213,11 @@ def test_a_search_is_stopped_and_wrong_ones_are_refused(tmp_path: Path) -> None:
     assert search is not None
     search.join(60)
     last = page.notifications("page/search/progress")[-1]
-    assert last["stopped"] and not search.is_running
-    assert (last["run"] is None) == (not page.ask("page/run/list")["runs"][0]["members"])
+    assert last["stopped"] and not search.is_running and last["run"] in (None, begun["run"])
+    stopped = other.connection.session.search
+    assert stopped is not None
+    stopped.join(60)
+    assert all((one / "run.sqlite").exists() for one in tmp_path.iterdir())  # no empty directory is left
 
 
 def test_a_page_in_memory_has_no_runs() -> None:
