@@ -12,9 +12,10 @@ from itertools import pairwise
 from typing import Final, TypeAlias
 
 from envgraph.editor._cursors import Cursor
+from envgraph.editor._mentions import mentions_of
 from envgraph.editor._scopes import Definitions, Scope, Signature, attribute_type
 from envgraph.editor._wanted_values import WantedValue
-from envgraph.lang import Lexeme, name_roles
+from envgraph.lang import Lexeme, TextPart, name_roles
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name
 from envgraph.pattern import FUNCTIONS
 
@@ -181,7 +182,9 @@ class _NameOffers:
             yield from self._annotated_variables()
         if "type" in rules:
             yield from self._types()
-        if "qualified_name" in rules or ("{" in signs and self._before in ("if", "neg") and self._is_unit()):
+        if "qualified_name" in rules or (
+            "{" in signs and self._before in ("if", "neg") and self._cursor.language == "rules"
+        ):
             yield from self._calls()
         is_class = "type" in rules and self._cursor.following in ("(", ".")
         is_call = "qualified_name" in rules and self._cursor.following == "("
@@ -197,9 +200,6 @@ class _NameOffers:
             yield from self._arrow_references()
         if self._before == "label" or (self._cursor.enclosing("(") is not None and not rules and signs <= {",", ")"}):
             yield from self._drawn_attributes()
-
-    def _is_unit(self) -> bool:
-        return self._cursor.language == "rules"
 
     def _is_action_object(self) -> bool:
         """Return True if the name is the object of an action such as `set`, `retype` and `move`."""
@@ -363,16 +363,22 @@ class _NameOffers:
     def _annotated_variables(self) -> Iterator[OfferedName]:
         """Yield the parameters and variables of the definition after an annotation."""
         end = self._cursor.lexemes[self._cursor.index].end
-        for one in self._cursor.reading.names():
-            if one.kind in ("parameter", "variable") and one.name != "_" and one.start >= end:
-                yield one.name, "variable", "", None, "", False
+        part = TextPart(self._cursor.language, 0, self._cursor.reading.source.text)
+        for one in mentions_of(part).all:
+            if one.kind == "variable" and one.start >= end:
+                yield one.text, "variable", "", None, "", False
 
     def _coordinates(self, is_next: bool) -> Iterator[Feature]:
-        """Yield the whole numbers or, after `next`, the single references of the classes in the legend of a grid."""
+        """Yield the whole numbers or, after `next`, the single references of the classes in the legend of a grid.
+
+        Without a legend, the letters are those of the metamodel, so all classes count.
+        """
         lexemes = self._cursor.lexemes[: self._cursor.index]
         start = max((place for place, one in enumerate(lexemes) if one.value == "grid"), default=0)
         named = (after.value for one, after in pairwise(lexemes[start:]) if one.value == "=")
-        for cls in dict.fromkeys(self._definitions.find_class(one) for one in named):
+        metamodel = self._definitions.metamodel
+        known = {cls: None for one in named if (cls := self._definitions.find_class(one))}
+        for cls in known or (metamodel.classes if metamodel else ()):
             for one in self._definitions.features(cls).values():
                 is_wanted = is_next if isinstance(one, Reference) else not is_next and one.type is Scalar.INT
                 if is_wanted and not one.many:

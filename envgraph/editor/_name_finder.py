@@ -265,9 +265,9 @@ def _chain(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | 
 
 
 def _vertex(finder: NameFinder, tree: Any, scope: Scope | None, holder: Holder | None) -> None:
-    name = tree.children[0]
-    finder.add("variable", name, scope)
-    for type_ in trees_in(tree, "type"):
+    name, types = tree.children[0], trees_in(tree, "type")
+    finder.add("variable", name, scope, tree if types else None)
+    for type_ in types:
         if scope is not None:
             scope.add_type(str(name), finder.type_of(type_))
     own: Holder = ("variable", scope, str(name))

@@ -11,7 +11,7 @@ from envgraph.editor._checked_files import CheckResult
 from envgraph.editor._cursors import Cursor, split_arguments
 from envgraph.editor._mentions import mentions_of
 from envgraph.errors import Source
-from envgraph.lang import Lexeme, PartReading, text_parts
+from envgraph.lang import Lexeme, PartReading, TextPart, text_parts
 from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar, simple_name, type_name
 from envgraph.pattern import Derivation, Pattern, Rule, Unit, type_text
 
@@ -272,10 +272,10 @@ def _variables(cursor: Cursor, completed: PartReading) -> Iterator[tuple[str, in
     place = completed.lexemes[cursor.index].start
     added = len(completed.source.text) - len(cursor.reading.source.text)
     for reading in dict.fromkeys((completed, cursor.reading)):
-        for one in reading.names():
+        for one in mentions_of(TextPart(cursor.language, 0, reading.source.text)).all:
             offset = one.start + added if reading is not completed and one.start >= place else one.start
-            if one.kind in ("variable", "parameter") and one.name != "_" and offset != place:
-                yield one.name, offset
+            if one.kind == "variable" and offset != place:
+                yield one.text, offset
 
 
 def _visible_regions(language: str, lexemes: Sequence[Lexeme], index: int) -> Iterator[tuple[int, int]]:

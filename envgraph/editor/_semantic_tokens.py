@@ -5,14 +5,27 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from envgraph.editor._documents import Document, JsonObject
-from envgraph.lang import END, PUNCTUATION, TOKEN_TYPES, Lexeme, PartReading, TextPart, text_parts
+from envgraph.editor._mention_data import Mention
+from envgraph.editor._mentions import mentions_of
+from envgraph.lang import END, PUNCTUATION, Lexeme, PartReading, TextPart, text_parts
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService
 
+TOKEN_TYPES: Final = (
+    "namespace", "type", "parameter", "variable", "property", "enumMember", "function", "decorator", "keyword",
+    "comment", "string", "number",
+)  # fmt: skip
+"""The kinds of tokens, as the Language Server Protocol calls them."""
+_NAME_KINDS: Final = {
+    "class": "type", "environment": "type", "feature": "property", "literal": "enumMember", "variable": "variable",
+    "object": "variable", "pattern": "function", "rule": "function", "function": "function", "action": "function",
+    "metamodel": "namespace", "model": "namespace", "package": "namespace", "alias": "namespace",
+}  # fmt: skip
+"""By kind of `Mention`: the kind of its token."""
 _LEXEME_KINDS = {"STRING": "string", "TEXT": "string", "INT": "number", "FLOAT": "number", "LONG": "number"}
 _COMMENT = re.compile(r"//[^\r\n]*|/\*[\s\S]*?(?:\*/|\Z)")
 _FIRST_CHARACTERS = 20_000
@@ -76,7 +89,7 @@ def _encoded_part(language: str, text: str) -> tuple[tuple[int, ...], int]:
     document = Document("", TextPart(language, 0, text).reading.source)
     data: list[int] = []
     line = character = 0
-    for piece in coloured_pieces(TextPart(language, 0, text).reading):
+    for piece in coloured_pieces(TextPart(language, 0, text)):
         position = document.position(piece.start)
         if position["line"] != line:
             character = 0
@@ -87,19 +100,25 @@ def _encoded_part(language: str, text: str) -> tuple[tuple[int, ...], int]:
     return tuple(data), line
 
 
-def coloured_pieces(reading: PartReading) -> Iterator[ColouredPiece]:
+def coloured_pieces(part: TextPart) -> Iterator[ColouredPiece]:
     """Yield the coloured pieces of a part in the order of the text; none goes over the end of its line."""
-    text, end = reading.source.text, 0
-    names = {one.start: one for one in reading.names()}
+    reading, text, end = part.reading, part.text, 0
+    names = {one.start: one for one in mentions_of(part).all if one.kind in _NAME_KINDS}
     for before, lexeme in zip((None, *reading.lexemes), reading.lexemes, strict=False):
         for comment in _COMMENT.finditer(text, end, lexeme.start):
             yield from _pieces_on_lines(text, comment.start(), comment.end(), "comment", 0)
         known = names.get(lexeme.start) if lexeme.kind == "NAME" else None
         if known is not None and lexeme.terminal in ("", "NAME"):
-            yield ColouredPiece(lexeme.start, lexeme.end, known.kind, int(known.is_definition))
+            yield ColouredPiece(lexeme.start, lexeme.end, _name_kind(known), int(known.is_definition))
         elif kind := _kind_of(lexeme, before, reading):
             yield from _pieces_on_lines(text, lexeme.start, lexeme.end, kind, 0)
         end = max(end, lexeme.end)
+
+
+def _name_kind(mention: Mention) -> str:
+    scope = mention.scope
+    is_parameter = mention.kind == "variable" and scope is not None and mention.text in scope.parameters
+    return "parameter" if is_parameter else _NAME_KINDS[mention.kind]
 
 
 def _kind_of(lexeme: Lexeme, before: Lexeme | None, reading: PartReading) -> str | None:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from envgraph import __version__
 from envgraph.editor._documents import Document, JsonObject
+from envgraph.editor._semantic_tokens import TOKEN_TYPES
 from envgraph.errors import Source
-from envgraph.lang import LANGUAGES, TOKEN_TYPES
+from envgraph.lang import LANGUAGES
 
 if TYPE_CHECKING:
     from envgraph.editor._language_service import LanguageService

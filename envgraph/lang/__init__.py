@@ -77,10 +77,6 @@ if TYPE_CHECKING:
     from envgraph.lang.syntax._file_formats import FORMATS as FORMATS
     from envgraph.lang.syntax._grammar import language_of as language_of, reserved_words as reserved_words
     from envgraph.lang.syntax._lexer import END as END, PUNCTUATION as PUNCTUATION, Lexeme as Lexeme
-    from envgraph.lang.syntax._name_kinds import (
-        TOKEN_TYPES as TOKEN_TYPES,
-        KnownName as KnownName,
-    )
     from envgraph.lang.syntax._source_files import (
         Bundle as Bundle,
         DiskFiles as DiskFiles,

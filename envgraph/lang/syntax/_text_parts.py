@@ -18,7 +18,6 @@ from envgraph.code import dataclass
 from envgraph.errors import Source
 from envgraph.lang.syntax._grammar import Grammar, language_of, load_grammar
 from envgraph.lang.syntax._lexer import Lexeme
-from envgraph.lang.syntax._name_kinds import KnownName, known_names
 from envgraph.lang.syntax._parser import parse_tokens, states_before
 
 _DEFINITION_STARTS = {
@@ -57,10 +56,6 @@ class PartReading:
     lexemes: tuple[Lexeme, ...]
     tree: Tree[Token] | None
     has_mistakes: bool
-
-    def names(self) -> Iterator[KnownName]:
-        """Yield the names in the syntax tree, with what they stand for."""
-        return iter(()) if self.tree is None else known_names(self.tree)
 
     def spans_around(self, offset: int) -> Iterator[tuple[int, int]]:
         """Yield start and end of the syntax trees and the token that contain an offset, from the outermost inwards."""

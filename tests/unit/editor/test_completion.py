@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from envgraph.editor import LanguageService
+from envgraph.editor._mentions import mentions_of
 from envgraph.lang import TextFiles, bundled_domains, data_path, language_of, load_workspace, text_parts
 from tests.profile import AT_NIGHT
 
@@ -140,7 +141,7 @@ def test_only_names_that_fit_are_offered_in_queries(text: str, names: list[str])
         ("lhs { box <-|- other; }", ["inner", "outer"]),
         ("lhs { box -inner-> other : Box { we| } }", ["size", "weight", "inner", "outer", "label"]),
         ("lhs { box -label-> tag; } modify { set tag.| }", ["text"]),
-        ("lhs { box -label-> tag; } modify { retype |", ["tag", "box"]),
+        ("lhs { box -label-> tag; } modify { retype |", ["box", "tag"]),
         ("lhs { box : Box; } not { box -label-> tag; } modify { retype |", ["box"]),
     ],
 )
@@ -265,15 +266,21 @@ def places(path: Path) -> Iterator[tuple[int, int]]:
     """Yield start and end of all keywords, and of all names that are not defined where they are."""
     (document,) = bundled_document(path).documents.values()
     for part in text_parts(document.source):
-        names = {one.start: one for one in part.reading.names()}
-        variables = [one.name for one in names.values() if one.kind in ("variable", "parameter")]
+        names = {one.start: one for one in mentions_of(part).all}
+        variables = [one.text for one in names.values() if one.kind == "variable"]
         for lexeme in part.reading.lexemes:
             name = names.get(lexeme.start)
-            is_new = name is not None and (name.is_definition or name.kind == "namespace")
-            is_key = name is not None and name.kind == "parameter" and path.suffix == ".query" and "@" in part.text
-            if lexeme.kind != "NAME" or is_new or is_key or lexeme.value == "_":
+            is_new = name is not None and (name.is_definition or name.kind in ("package", "alias"))
+            is_key = name is not None and name.kind == "variable" and path.suffix == ".query" and "@" in part.text
+            is_letter = (
+                name is None
+                and path.suffix == ".model"
+                and len(lexeme.value) == 1
+                and part.text[lexeme.end :].startswith(" = ")
+            )
+            if lexeme.kind != "NAME" or is_new or is_key or is_letter or lexeme.value == "_":
                 continue
-            if name is None or name.kind not in ("variable", "parameter") or variables.count(name.name) > 1:
+            if name is None or name.kind != "variable" or variables.count(name.text) > 1:
                 yield part.start + lexeme.start, part.start + lexeme.end
 
 

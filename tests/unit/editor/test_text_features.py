@@ -81,7 +81,7 @@ def coloured(service: LanguageService, data: list[int]) -> list[tuple[str, str, 
 def test_names_are_coloured_by_what_they_stand_for() -> None:
     service = opened(QUERY, a_metamodel=METAMODEL)
     assert coloured(service, ask(service, "semanticTokens/full")["data"]) == [
-        ("package", "keyword", False), ("shop", "namespace", False),
+        ("package", "keyword", False), ("shop", "namespace", True),
         ("import", "keyword", False), ('"a.metamodel"', "string", False),
         ("pattern", "keyword", False), ("big", "function", True), ("b", "parameter", True), ("Box", "type", False),
         ("Box", "type", False), ("size", "property", False), ("b", "parameter", False), ("large", "enumMember", False),
