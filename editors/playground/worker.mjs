@@ -17,7 +17,8 @@ async function load(path) {
 
 async function answerMessages() {
   const name = new URLSearchParams(location.search).get("domain") ?? "maze";
-  const [python, domain] = await Promise.all([startPython(load), load(`domains/${encodeURIComponent(name)}.json`)]);
+  const unknown = () => { throw new Error(`The domain ${name} cannot be loaded. Choose one on the first page of the playground.`); };
+  const [python, domain] = await Promise.all([startPython(load), load(`domains/${encodeURIComponent(name)}.json`).catch(unknown)]);
   const send = (text) => self.postMessage(text);
   const playground = python.globals.get("Playground")(send, name, new TextDecoder().decode(domain));
   for (;;) {

@@ -2,7 +2,7 @@
 
 /**
  * A transport sends and receives texts; each text is one message.
- * @typedef {{send: (text: string) => void, onText: (text: string) => void, onClose: () => void}} TextTransport
+ * @typedef {{send: (text: string) => void, onText: (text: string) => void, onClose: (reason?: string) => void}} TextTransport
  */
 
 /** The code of the error of a request that was stopped. */
@@ -33,7 +33,7 @@ export class Connection {
     /** @type {Set<(text: string) => void>} */
     this.languageHandlers = new Set();
     transport.onText = (text) => this.receive(text);
-    transport.onClose = () => this.close();
+    transport.onClose = (reason) => this.close(reason);
   }
 
   /** @param {string} method @param {object} [params] @returns {Promise<any>} */
@@ -94,8 +94,9 @@ export class Connection {
     if (!message.method?.startsWith("page/")) for (const handler of this.languageHandlers) handler(text);
   }
 
-  close() {
-    for (const { reject } of this.pending.values()) reject(new Error("The connection was closed."));
+  /** @param {string} [reason] */
+  close(reason = "The connection was closed.") {
+    for (const { reject } of this.pending.values()) reject(new Error(reason));
     this.pending.clear();
     for (const callback of this.listeners.get("closed") ?? []) callback({});
   }
@@ -106,7 +107,7 @@ function openSocket(path) {
   const address = new URL(path, location.href);
   address.protocol = address.protocol.replace("http", "ws");
   const socket = new WebSocket(address);
-  const transport = { send: (/** @type {string} */ text) => socket.send(text), onText: (/** @type {string} */ _) => {}, onClose: () => {} };
+  const transport = { send: (/** @type {string} */ text) => socket.send(text), onText: (/** @type {string} */ _) => {}, onClose: (/** @type {string|undefined} */ _ = undefined) => {} };
   socket.onmessage = (event) => transport.onText(event.data);
   return new Promise((resolve, reject) => {
     socket.onopen = () => {
@@ -120,9 +121,9 @@ function openSocket(path) {
 /** The worker gets the query of the page, which may name a domain. @param {string} script @returns {TextTransport} */
 function openWorker(script) {
   const worker = new Worker(new URL(script + location.search, location.href), { type: "module" });
-  const transport = { send: (/** @type {string} */ text) => worker.postMessage(text), onText: (/** @type {string} */ _) => {}, onClose: () => {} };
+  const transport = { send: (/** @type {string} */ text) => worker.postMessage(text), onText: (/** @type {string} */ _) => {}, onClose: (/** @type {string|undefined} */ _ = undefined) => {} };
   worker.onmessage = (event) => transport.onText(event.data);
-  worker.onerror = () => transport.onClose();
+  worker.onerror = (event) => transport.onClose(event.message?.replace(/^Uncaught Error: /, "") || undefined);
   return transport;
 }
 
