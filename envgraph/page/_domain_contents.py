@@ -41,7 +41,7 @@ def open_page(session: PageSession, params: Params) -> JsonObject | Work:
     root, files = session.folder, session.service.edited_files()
 
     def finish(workspace: Workspace) -> JsonObject:
-        session.take(workspace)
+        session.show_checked(workspace)
         return _describe_folder(session)
 
     return Work(lambda: load_workspace([root], files=files), finish)

@@ -62,7 +62,7 @@ RANGES = [
     ("train forest", "--members", 2, 10**5),
     ("train forest", "--workers", 1, 256),
     ("play forest", "--seed", 0, 2**63 - 1),
-    ("serve forest", "--port", 0, 65535),
+    ("serve forest", "--port", 1, 65535),
     ("verify forest", "--members", 1, 10**5),
     ("verify forest", "--seed", 0, 2**63 - 1),
     ("verify forest", "--workers", 1, 256),

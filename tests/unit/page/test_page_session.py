@@ -205,8 +205,6 @@ def test_files_that_the_page_cannot_read_or_write_stay_as_they_are(tmp_path: Pat
     with pytest.raises(Refused, match="half of a surrogate pair"):
         page.ask("page/save", uri=(tmp_path / "a.rules").as_uri(), text="\ud800")
     assert latin.read_text("latin-1") == text and (tmp_path / "c.rules").read_bytes() == b"\xff"
-    with pytest.raises(Refused, match="is not allowed here"):
-        page.ask("page/query", text="\ud800")
 
 
 def test_texts_of_a_link_replace_those_in_memory_but_not_those_on_the_disk(tmp_path: Path) -> None:
