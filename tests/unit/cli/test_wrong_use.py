@@ -62,7 +62,6 @@ RANGES = [
     ("train forest", "--members", 2, 10**5),
     ("train forest", "--workers", 1, 256),
     ("play forest", "--seed", 0, 2**63 - 1),
-    ("serve forest", "--port", 1, 65535),
     ("verify forest", "--members", 1, 10**5),
     ("verify forest", "--seed", 0, 2**63 - 1),
     ("verify forest", "--workers", 1, 256),
@@ -99,7 +98,13 @@ def test_every_option_with_a_number_has_a_tested_range() -> None:
             option.type, click.Choice | click.Path | type(click.STRING) | type(click.BOOL) | type(click.FLOAT)
         )
     }
-    assert numbers == {(command.partition(" ")[0], option) for command, option, _, _ in RANGES}
+    tested = {(command.partition(" ")[0], option) for command, option, _, _ in RANGES}
+    assert numbers == {*tested, ("serve", "--port")}
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "http"])
+def test_ports_have_a_range(refused: Call, port: str) -> None:
+    assert "Invalid value for '--port'" in refused("serve", "forest", "--port", port, code=2)
 
 
 def test_episodes_have_a_million_steps_at_most(refused: Call) -> None:
