@@ -48,15 +48,13 @@ class StoppableCall(Generic[Result]):
         try:
             return self._function()
         finally:
-            while True:  # the exception may still arrive here, once
-                try:
-                    with self._lock:
-                        if self._thread is not None:
-                            _raise_in_thread(self._thread, None)
-                            self._thread = None
-                    break
-                except StoppedError:
-                    continue
+            try:
+                with self._lock:
+                    self._thread = None
+                for _ in range(100):  # an exception that is under way arrives with the first repetition
+                    pass
+            except StoppedError:
+                pass
 
     def stop(self, error: type[StoppedError] = StoppedError) -> None:
         """Raise an error in the call, if it runs or has not begun."""
@@ -89,8 +87,12 @@ class StoppableCall(Generic[Result]):
                 timer.cancel()
 
 
-def _raise_in_thread(thread: int, error: type[StoppedError] | None) -> None:
-    """Raise an error in another thread with its next instruction; None cancels one that was not raised yet."""
+def _raise_in_thread(thread: int, error: type[StoppedError]) -> None:
+    """Raise an error in another thread with its next instruction.
+
+    It cannot be taken back: without an error, CPython 3.11 would look for one at every instruction from then on, and
+    never end where a profiler or tracer is set.
+    """
     from ctypes import c_ulong, py_object, pythonapi  # not in the worker of a page without a server
 
-    pythonapi.PyThreadState_SetAsyncExc(c_ulong(thread), py_object(error) if error is not None else None)
+    pythonapi.PyThreadState_SetAsyncExc(c_ulong(thread), py_object(error))

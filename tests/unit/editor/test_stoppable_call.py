@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import count
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -75,3 +77,43 @@ def test_counts_that_take_too_long_leave_out_the_rest() -> None:
     service.record(counting, found)
     lenses = service.answer("textDocument/codeLens", {"textDocument": {"uri": "memory:///a.query"}})
     assert [one["command"]["title"] for one in lenses] == ["301 matches in m"]
+
+
+def test_a_call_that_was_not_stopped_leaves_nothing_for_profilers() -> None:
+    called: list[str] = []
+
+    def function() -> int:
+        return 7
+
+    assert StoppableCall(function)() == 7
+    sys.setprofile(lambda frame, event, _: called.append(event))
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    assert called[:2] == ["call", "return"]
+
+
+def test_a_stop_at_the_end_of_a_call_does_not_reach_later_code() -> None:
+    late: list[BaseException] = []
+    results: list[object] = []
+
+    def run(call: StoppableCall[int]) -> None:
+        with suppress(StoppedError):
+            results.append(call())
+        try:
+            for _ in range(1000):
+                pass
+        except StoppedError as error:
+            late.append(error)
+
+    for pause in range(200):
+        call = StoppableCall(lambda: sum(range(1000)))
+        thread = Thread(target=run, args=(call,))
+        thread.start()
+        for _ in range(20 * pause):
+            pass
+        call.stop()
+        thread.join(10)
+        assert not thread.is_alive()
+    assert not late and {*results} <= {sum(range(1000))}
